@@ -1,0 +1,44 @@
+//! The doorway, biangular coordinates and the facet grid (paper: eq. 3, eq. 5, figure 6).
+//!
+//! Everything here is in the **door frame**: origin on the floor at the middle of the opening, in the plane of the
+//! wall's hidden face; x to the right for someone on the visible side who faces the door, y into the hidden room, z up;
+//! metres and radians.
+
+mod biangular;
+mod doorway;
+mod grid;
+
+pub use biangular::Biangular;
+pub use doorway::{Doorway, Side};
+pub use grid::{Facet, FacetGrid, GridSpec, Room};
+
+/// A point or vector on the floor plan, in metres: `[x, y]` in the door frame.
+pub type Point = [f64; 2];
+
+/// Why a doorway, room or grid cannot be used.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum GeometryError {
+    /// A length or angle is outside the range that makes sense for it.
+    #[error("{key} is {value}, expected {expected}")]
+    OutOfRange {
+        /// The configuration or recording key at fault.
+        key: &'static str,
+        /// What was given.
+        value: f64,
+        /// What would have been accepted.
+        expected: String,
+    },
+    /// The doorway does not fit into the wall of the room.
+    #[error("doorway.width_m is {width_m}, wider than the room ({room_m} m, room.half_width_m = {half_width_m})")]
+    WiderThanRoom {
+        /// Width of the opening.
+        width_m: f64,
+        /// Width of the room.
+        room_m: f64,
+        /// Half of it, the key that the user sets.
+        half_width_m: f64,
+    },
+    /// No facet of the grid lies in the room.
+    #[error("the reconstruction grid is empty: no facet lies inside the room (check [room] and [grid])")]
+    EmptyGrid,
+}

@@ -1,0 +1,8 @@
+//! doorcam sees who moves in the room behind a doorway, from the light that falls on the floor in front of it.
+//!
+//! It implements "Double Your Corners, Double Your Fun: The Doorway Camera" (Krska et al., ICCP 2022); equations are cited
+//! by their numbers there. The way of a frame reads off the modules:
+//! [`geometry`], [`transport`].
+
+pub mod geometry;
+pub mod transport;

@@ -1,0 +1,3 @@
+//! The doorcam program.
+
+fn main() {}
