@@ -2,7 +2,9 @@
 //!
 //! It implements "Double Your Corners, Double Your Fun: The Doorway Camera" (Krska et al., ICCP 2022); equations are cited
 //! by their numbers there. The way of a frame reads off the modules:
-//! [`geometry`], [`transport`].
+//! [`geometry`], [`transport`], [`scene`].
 
 pub mod geometry;
+pub mod measurement;
+pub mod scene;
 pub mod transport;

@@ -1,0 +1,79 @@
+use crate::geometry::Side;
+
+/// One rectified square of floor: `size` x `size` pixels in three planes (red, green, blue), row 0 at the wall, linear
+/// light.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Patch {
+    size: usize,
+    data: Vec<f32>,
+}
+
+impl Patch {
+    /// A patch of zeros.
+    pub fn zeros(size: usize) -> Self {
+        Self { size, data: vec![0.0; 3 * size * size] }
+    }
+
+    /// Pixels along each side.
+    pub fn size(&self) -> usize {
+        self.size
+    }
+
+    /// Pixels in the patch, M.
+    pub fn pixels(&self) -> usize {
+        self.size * self.size
+    }
+
+    /// One colour plane (0 red, 1 green, 2 blue), row by row from the wall.
+    pub fn plane(&self, channel: usize) -> &[f32] {
+        &self.data[channel * self.pixels()..(channel + 1) * self.pixels()]
+    }
+
+    /// The same, to write to.
+    pub fn plane_mut(&mut self, channel: usize) -> &mut [f32] {
+        let pixels = self.pixels();
+        &mut self.data[channel * pixels..(channel + 1) * pixels]
+    }
+
+    /// All three planes, one after the other.
+    pub fn data(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// The same, to write to.
+    pub fn data_mut(&mut self) -> &mut [f32] {
+        &mut self.data
+    }
+}
+
+/// The two patches of a doorway (the paper's FOV-L and FOV-R).
+#[derive(Debug, Clone, PartialEq)]
+pub struct PatchPair {
+    /// The patch at the left edge.
+    pub left: Patch,
+    /// The patch at the right edge.
+    pub right: Patch,
+}
+
+impl PatchPair {
+    /// A pair of zeros.
+    pub fn zeros(size: usize) -> Self {
+        Self { left: Patch::zeros(size), right: Patch::zeros(size) }
+    }
+
+    /// The patch of one side.
+    pub fn side(&self, side: Side) -> &Patch {
+        match side {
+            Side::Left => &self.left,
+            Side::Right => &self.right,
+        }
+    }
+
+    /// The same, to write to.
+    pub fn side_mut(&mut self, side: Side) -> &mut Patch {
+        match side {
+            Side::Left => &mut self.left,
+            Side::Right => &mut self.right,
+        }
+    }
+}

@@ -1,0 +1,10 @@
+//! What the solution says about the room: the left and right views, and the unified map (paper: section 4.4).
+
+mod unified;
+mod views;
+
+pub use unified::unify;
+pub use views::{Intensity, Scene, Sign};
+
+/// Red, green and blue, linear light.
+pub type Rgb = [f64; 3];

@@ -1,0 +1,56 @@
+use super::{Rgb, unify};
+
+/// How strongly the left and the right patch see a facet's change: (c_L, c_R) of one facet, with v its unit colour.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Intensity {
+    /// c_L.
+    pub left: f64,
+    /// c_R.
+    pub right: f64,
+    /// v, a unit vector (zero for a facet that is dark in both views).
+    pub colour: Rgb,
+}
+
+/// Which part of a change to look at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sign {
+    /// What became brighter, (·)⁺.
+    Brighter,
+    /// What became darker, |(·)⁻|.
+    Darker,
+}
+
+/// The change in the hidden room, per facet: radiance relative to the background, negative where it became darker.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Scene {
+    /// v_L = diag(c_L) v, the view from the left edge.
+    pub left: Vec<Rgb>,
+    /// v_R = diag(c_R) v, the view from the right edge.
+    pub right: Vec<Rgb>,
+    /// v_u, the unified map (eq. 14): zero where one of the views sees nothing.
+    pub unified: Vec<Rgb>,
+}
+
+impl Scene {
+    /// Forms the views and, with threshold `t` relative to the largest |c|, the unified map.
+    pub fn new(intensities: &[Intensity], t: f64) -> Self {
+        let view = |c: fn(&Intensity) -> f64| intensities.iter().map(|i| i.colour.map(|v| c(i) * v)).collect();
+        Self { left: view(|i| i.left), right: view(|i| i.right), unified: unify(intensities, t) }
+    }
+
+    /// Indices of the facets that are not zero in some view.
+    pub fn nonzero(&self) -> impl Iterator<Item = usize> + '_ {
+        let lit = |rgb: &Rgb| rgb.iter().any(|&v| v != 0.0);
+        (0..self.left.len()).filter(move |&n| lit(&self.left[n]) || lit(&self.right[n]))
+    }
+}
+
+impl Sign {
+    /// This part of a change, as a nonnegative colour.
+    pub fn of(self, rgb: Rgb) -> Rgb {
+        match self {
+            Sign::Brighter => rgb.map(|v| v.max(0.0)),
+            Sign::Darker => rgb.map(|v| (-v).max(0.0)),
+        }
+    }
+}
