@@ -7,4 +7,6 @@
 pub mod geometry;
 pub mod measurement;
 pub mod scene;
+pub mod solver;
+pub mod source;
 pub mod transport;

@@ -1,5 +1,17 @@
 //! From a camera frame to the difference measurement of eq. 4.
 
+mod background;
+mod homography;
+mod mask;
 mod patch;
+mod radiometry;
+mod rectify;
+mod resample;
 
+pub use background::Background;
+pub use homography::{Homography, HomographyError};
+pub use mask::edge_foot_mask;
 pub use patch::{Patch, PatchPair};
+pub use radiometry::{Decoding, LightTable, Transfer, srgb_to_linear};
+pub use rectify::{CameraRectifier, PatchRectifier, WrongSize};
+pub use resample::{Filter, PatchResampler};

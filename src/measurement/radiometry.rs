@@ -1,0 +1,95 @@
+use serde::{Deserialize, Serialize};
+
+use crate::source::image::{Image, Samples};
+
+/// The transfer function with which a recording's images are encoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Transfer {
+    /// IEC 61966-2-1.
+    Srgb,
+    /// Codes are proportional to light.
+    Linear,
+}
+
+/// How an image's codes become light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Decoding {
+    /// The transfer function is undone; full scale is 1.
+    Light(Transfer),
+    /// As the authors' program has it: code / 256 or code / 65536, no transfer function undone.
+    Published,
+}
+
+impl Decoding {
+    /// Light for a code of `bits` bits.
+    fn light(self, code: usize, bits: u32) -> f64 {
+        match self {
+            Decoding::Published => code as f64 / f64::from(1u32 << bits),
+            Decoding::Light(transfer) => {
+                let relative = code as f64 / f64::from((1u32 << bits) - 1);
+                match transfer {
+                    Transfer::Linear => relative,
+                    Transfer::Srgb => srgb_to_linear(relative),
+                }
+            }
+        }
+    }
+}
+
+/// The sRGB transfer function undone (IEC 61966-2-1), full scale 1.
+pub fn srgb_to_linear(encoded: f64) -> f64 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Tables from codes to light, made once.
+#[derive(Debug, Clone)]
+pub struct LightTable {
+    eight: Vec<f32>,
+    sixteen: Vec<f32>,
+}
+
+impl LightTable {
+    /// The tables of a decoding.
+    pub fn new(decoding: Decoding) -> Self {
+        let table = |bits: u32| (0..1usize << bits).map(|code| decoding.light(code, bits) as f32).collect();
+        Self { eight: table(8), sixteen: table(16) }
+    }
+
+    /// Light of the samples `range` of an image, appended to `out` after clearing it.
+    pub fn read(&self, image: &Image, range: std::ops::Range<usize>, out: &mut Vec<f32>) {
+        out.clear();
+        match &image.samples {
+            Samples::Eight(codes) => out.extend(codes[range].iter().map(|&c| self.eight[usize::from(c)])),
+            Samples::Sixteen(codes) => out.extend(codes[range].iter().map(|&c| self.sixteen[usize::from(c)])),
+        }
+    }
+
+    /// Light of one sample.
+    pub fn sample(&self, image: &Image, index: usize) -> f32 {
+        match &image.samples {
+            Samples::Eight(codes) => self.eight[usize::from(codes[index])],
+            Samples::Sixteen(codes) => self.sixteen[usize::from(codes[index])],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn srgb_is_the_standard_curve() {
+        // Values of IEC 61966-2-1: the knee, middle grey 0.5, full scale.
+        assert!((srgb_to_linear(0.04045) - 0.003_130_8).abs() < 1e-7);
+        assert!((srgb_to_linear(0.5) - 0.214_041_14).abs() < 1e-8);
+        assert_eq!(srgb_to_linear(1.0), 1.0);
+    }
+
+    #[test]
+    fn published_codes_are_divided_by_a_power_of_two() {
+        assert_eq!(Decoding::Published.light(128, 8), 0.5);
+        assert_eq!(Decoding::Published.light(65535, 16), 65535.0 / 65536.0);
+        assert_eq!(Decoding::Light(Transfer::Linear).light(255, 8), 1.0);
+    }
+}

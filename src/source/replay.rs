@@ -1,0 +1,156 @@
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::recording::{Entry, Files, Recording};
+use super::{Clock, NextFrame, RawFrame, RawImages, SkippedFrame, Source};
+
+/// How fast a recording is replayed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pace {
+    /// At the times of the recording.
+    Recorded,
+    /// As fast as the frames can be solved, every one of them.
+    Max,
+}
+
+/// How to replay.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ReplayOptions {
+    /// How fast.
+    pub pace: Pace,
+    /// Whether to begin again at the end.
+    pub looped: bool,
+}
+
+/// Frames of a recording, from its files.
+pub struct Replay<C> {
+    recording: Arc<Recording>,
+    options: ReplayOptions,
+    clock: C,
+    next: usize,
+    /// When, on the clock, this round's time zero is.
+    round_start: Duration,
+}
+
+impl<C: Clock> Replay<C> {
+    /// Starts at the first frame, now.
+    pub fn new(recording: Arc<Recording>, options: ReplayOptions, clock: C) -> Self {
+        let round_start = clock.now();
+        Self { recording, options, clock, next: 0, round_start }
+    }
+
+    /// Time from the first frame to one period after the last.
+    fn round_length(&self) -> f64 {
+        let frames = &self.recording.frames;
+        let span = frames.last().map_or(0.0, |e| e.seconds) - frames.first().map_or(0.0, |e| e.seconds);
+        span.max(0.0) + 1.0 / self.recording.manifest.fps
+    }
+}
+
+impl<C: Clock> Source for Replay<C> {
+    fn next_frame(&mut self) -> Option<NextFrame> {
+        if self.next == self.recording.frames.len() {
+            if !self.options.looped {
+                return None;
+            }
+            self.next = 0;
+            self.round_start += Duration::from_secs_f64(self.round_length());
+        }
+        let entry = &self.recording.frames[self.next];
+        self.next += 1;
+        let first = self.recording.frames[0].seconds;
+        let offset = (entry.seconds - first).max(0.0);
+        let frame = load(&self.recording, entry);
+        if self.options.pace == Pace::Recorded {
+            self.clock.wait_until(self.round_start + Duration::from_secs_f64(offset));
+        }
+        Some(frame)
+    }
+
+    fn lossless(&self) -> bool {
+        self.options.pace == Pace::Max
+    }
+}
+
+/// Reads a frame's image files.
+pub(crate) fn load(recording: &Recording, entry: &Entry) -> NextFrame {
+    let relative = |path: &std::path::Path| path.strip_prefix(&recording.path).unwrap_or(path).display().to_string();
+    let read = |path: &std::path::Path| -> Result<Arc<[u8]>, SkippedFrame> {
+        std::fs::read(path).map(Into::into).map_err(|e| SkippedFrame { name: relative(path), reason: e.to_string() })
+    };
+    let (images, name) = match &entry.files {
+        Files::Camera(path) => (RawImages::Camera(read(path)?), relative(path)),
+        Files::Patches(left, right) => (RawImages::Patches([read(left)?, read(right)?]), relative(left)),
+        Files::Missing(path) => {
+            return Err(SkippedFrame { name: relative(path), reason: "missing from the sequence".into() });
+        }
+    };
+    Ok(RawFrame {
+        index: Some(entry.index),
+        background: recording.is_background(entry.index),
+        seconds: entry.seconds,
+        images,
+        name,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::ManualClock;
+    use super::*;
+
+    fn recording() -> (tempfile::TempDir, Arc<Recording>) {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(
+            dir.path().join("recording.json"),
+            r#"{"fps": 4, "layout": "patches", "transfer": "linear", "doorway": {"width_m": 0.9}, "fov_m": 0.15,
+                "background_frames": [0, 1]}"#,
+        )
+        .unwrap();
+        std::fs::create_dir(dir.path().join("frames")).unwrap();
+        for (k, side) in [(0, "left"), (0, "right"), (1, "left"), (2, "left"), (2, "right")] {
+            std::fs::write(dir.path().join(format!("frames/{k:08}_{side}.png")), [k as u8]).unwrap();
+        }
+        let recording = Recording::open(dir.path()).unwrap();
+        (dir, Arc::new(recording))
+    }
+
+    #[test]
+    fn frames_come_at_their_times_round_after_round_and_missing_ones_are_named() {
+        let (_dir, recording) = recording();
+        let clock = ManualClock::default();
+        clock.advance(Duration::from_secs(100));
+        let options = ReplayOptions { pace: Pace::Recorded, looped: true };
+        let mut replay = Replay::new(recording, options, clock.clone());
+        let mut seen = Vec::new();
+        for _ in 0..5 {
+            let index = replay.next_frame().unwrap().map(|f| (f.index, f.background)).map_err(|e| e.to_string());
+            seen.push((clock.now().as_millis() - 100_000, index));
+        }
+        let missing = Err("frames/00000001_right.png: missing from the sequence".to_owned());
+        assert_eq!(
+            seen,
+            [
+                (0, Ok((Some(0), true))),
+                (250, missing.clone()),
+                (500, Ok((Some(2), false))),
+                (750, Ok((Some(0), true))),
+                (1000, missing),
+            ]
+        );
+    }
+
+    #[test]
+    fn a_late_reader_is_not_made_later() {
+        let (_dir, recording) = recording();
+        let clock = ManualClock::default();
+        let mut replay = Replay::new(recording, ReplayOptions { pace: Pace::Recorded, looped: false }, clock.clone());
+        replay.next_frame();
+        clock.advance(Duration::from_millis(400));
+        replay.next_frame();
+        assert_eq!(clock.now().as_millis(), 400);
+        replay.next_frame();
+        assert_eq!(clock.now().as_millis(), 500);
+        assert!(replay.next_frame().is_none());
+    }
+}
