@@ -1,13 +1,22 @@
 //! doorcam sees who moves in the room behind a doorway, from the light that falls on the floor in front of it.
 //!
 //! It implements "Double Your Corners, Double Your Fun: The Doorway Camera" (Krska et al., ICCP 2022); equations are cited
-//! by their numbers there. The way of a frame reads off the modules:
-//! [`geometry`], [`transport`], [`scene`]; [`render`] draws what came out.
+//! by their numbers there. The way of a frame reads off the modules: [`source`] gives frames, [`measurement`] makes them
+//! the difference of eq. 4, [`solver`] inverts eq. 13 with the light transport of [`transport`] over the facets of
+//! [`geometry`], [`scene`] forms the views and the unified map. [`pipeline`] runs these stages frame after frame,
+//! [`render`] draws the result for print, and [`server`] shows it live.
 
+// What a user, a file or a device gives must never panic.
+#![warn(clippy::unwrap_used, clippy::expect_used)]
+
+pub mod config;
 pub mod geometry;
+pub mod import;
 pub mod measurement;
+pub mod pipeline;
 pub mod render;
 pub mod scene;
+pub mod server;
 pub mod solver;
 pub mod source;
 pub mod transport;

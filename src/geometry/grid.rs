@@ -4,6 +4,7 @@ use super::{Biangular, Doorway, GeometryError, Point};
 
 /// The hidden room that the map covers: |x| <= `half_width_m`, 0 <= y <= `depth_m`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Room {
     /// Half of the room's width, in metres.
     pub half_width_m: f64,

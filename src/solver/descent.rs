@@ -30,6 +30,9 @@ pub struct Solution {
     pub data: f64,
     /// λ Σ ‖c_n‖.
     pub penalty: f64,
+    /// Lower bound on the objective of every admissible point, by duality: a small gap proves the solution, a large one
+    /// says only that it is not proven.
+    pub bound: f64,
     /// Sweeps over facets that it took.
     pub sweeps: usize,
     /// Whether it started from an earlier solution.
@@ -92,7 +95,28 @@ impl Solver {
             }
         };
         let (data, penalty) = self.terms(&state, frame, lambda);
-        Solution { intensities: state.intensities, lambda, data, penalty, sweeps, warm: warm.is_some(), capped }
+        let bound = self.bound(&state, frame, lambda, data);
+        Solution { intensities: state.intensities, lambda, data, penalty, bound, sweeps, warm: warm.is_some(), capped }
+    }
+
+    /// The dual objective s⟨y, r⟩ − ½ s²‖r‖² at the residual scaled by the largest s that keeps every facet's dual norm
+    /// at most λ (and at most the best s).
+    fn bound(&self, state: &State, frame: &Correlations, lambda: f64, data: f64) -> f64 {
+        let r2 = 2.0 * data;
+        if r2 <= 0.0 {
+            return 0.0;
+        }
+        let explained: f64 = (state.intensities.iter().enumerate())
+            .flat_map(|(n, i)| [(0, i.left), (1, i.right)].map(|(s, c)| (n, s, c, i.colour)))
+            .map(|(n, s, c, v)| (0..3).map(|p| c * v[p] * frame.rhs[s][p][n]).sum::<f64>())
+            .sum();
+        let y_r = frame.energy - explained;
+        let largest = (0..self.admissible.len())
+            .map(|n| self.admissible[n].dual_norm(&pair(&state.correlations, n)))
+            .fold(0.0, f64::max);
+        let feasible = if largest > 0.0 { lambda / (largest * (1.0 + 1e-9)) } else { f64::INFINITY };
+        let s = (y_r / r2).min(feasible).max(0.0);
+        s * y_r - 0.5 * s * s * r2
     }
 
     /// Adds the dark facets that want light most to the active ones; false if none does.

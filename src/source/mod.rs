@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 pub use clock::{Clock, ManualClock, SystemClock};
-pub use replay::{Pace, Replay, ReplayOptions};
+pub use replay::{Pace, Replay, ReplayOptions, load};
 
 /// A frame as it was captured, not yet decoded: what is replaced by a newer frame need not be decoded at all.
 #[derive(Debug, Clone, PartialEq)]

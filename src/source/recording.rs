@@ -126,6 +126,13 @@ fn parse_manifest(text: &str) -> Result<(Manifest, Vec<String>), String> {
 }
 
 impl Manifest {
+    /// Writes `recording.json` into the directory `recording`.
+    pub fn write(&self, recording: &Path) -> std::io::Result<()> {
+        let mut text = serde_json::to_string_pretty(self)?;
+        text.push('\n');
+        std::fs::write(recording.join("recording.json"), text)
+    }
+
     fn check(&self) -> Result<(), String> {
         let positive = |key: &str, value: f64, unit: &str| {
             if value.is_finite() && value > 0.0 {

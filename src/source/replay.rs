@@ -73,7 +73,7 @@ impl<C: Clock> Source for Replay<C> {
 }
 
 /// Reads a frame's image files.
-pub(crate) fn load(recording: &Recording, entry: &Entry) -> NextFrame {
+pub fn load(recording: &Recording, entry: &Entry) -> NextFrame {
     let relative = |path: &std::path::Path| path.strip_prefix(&recording.path).unwrap_or(path).display().to_string();
     let read = |path: &std::path::Path| -> Result<Arc<[u8]>, SkippedFrame> {
         std::fs::read(path).map(Into::into).map_err(|e| SkippedFrame { name: relative(path), reason: e.to_string() })

@@ -1,0 +1,121 @@
+//! The command line: one file a subcommand.
+
+mod check_config;
+mod import;
+mod reconstruct;
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::Context;
+use clap::{Parser, Subcommand};
+use doorcam::config::{Config, Preset, parse_lambda};
+use tracing_subscriber::EnvFilter;
+
+/// See who moves in the room behind a doorway, from the light that falls on the floor in front of it.
+///
+/// doorcam reconstructs a bird's-eye map of what changed in a hidden room from two small patches of floor beside the
+/// doorway's edges ("The Doorway Camera", ICCP 2022).
+#[derive(Debug, Parser)]
+#[command(
+    version,
+    propagate_version = true,
+    after_help = "\
+Exit status: 0 done; 1 the input or environment is at fault (one line on stderr says what); 2 usage.
+Logs go to stderr; RUST_LOG=debug shows more."
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Reconstruct(reconstruct::Arguments),
+    Import(import::Arguments),
+    CheckConfig(check_config::Arguments),
+}
+
+/// Options of every command that reconstructs.
+#[derive(Debug, clap::Args)]
+struct ModelOptions {
+    /// Configuration file; config/doorcam.toml shows every key
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Weight of the sparsity penalty in eq. 13: larger shows less [default: 0.05]
+    // Text, so that a bad number is an error of the input (status 1), as in the configuration file.
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    lambda: Option<String>,
+    /// "published": the authors' grid, kernel, 0.15 m patches and preprocessing
+    #[arg(long, value_name = "NAME")]
+    preset: Option<Preset>,
+}
+
+impl ModelOptions {
+    fn config(&self) -> anyhow::Result<Config> {
+        let file = self.config.as_deref().map(Config::load).transpose()?;
+        let mut config = file.unwrap_or_default().with_preset(self.preset);
+        if let Some(text) = &self.lambda {
+            config.solver.lambda = parse_lambda("--lambda", text)?;
+        }
+        Ok(config)
+    }
+}
+
+/// Parses the command line, runs what it says and turns an error into one line and a status.
+pub(crate) fn run() -> ExitCode {
+    let arguments = Arguments::parse();
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    let colours = std::io::stderr().is_terminal();
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(colours)
+        .with_target(false)
+        .init();
+    let result = match arguments.command {
+        Command::Reconstruct(arguments) => reconstruct::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
+        Command::CheckConfig(arguments) => check_config::run(&arguments),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("doorcam: {error:#}");
+            ExitCode::from(1)
+        }
+    }
+}
+
+/// Whether the reader of our output went away, as `| head` does: nothing is wrong then.
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let broken = |e: &std::io::Error| e.kind() == std::io::ErrorKind::BrokenPipe;
+    error.chain().any(|cause| cause.downcast_ref().is_some_and(broken))
+}
+
+/// Opens a recording and says which keys of its manifest mean nothing to this version.
+fn open_recording(path: &Path) -> anyhow::Result<doorcam::source::recording::Recording> {
+    let recording = doorcam::source::recording::Recording::open(path)?;
+    for key in &recording.unknown_keys {
+        tracing::warn!("{}: unknown key \"{key}\" is ignored", path.join("recording.json").display());
+    }
+    Ok(recording)
+}
+
+/// The frame reader and the model of a recording; errors name its manifest.
+fn engine(
+    config: &Config,
+    recording: &doorcam::source::recording::Recording,
+    warm_start: bool,
+) -> anyhow::Result<(doorcam::pipeline::Engine, std::sync::Arc<doorcam::pipeline::Model>)> {
+    use doorcam::pipeline::{Engine, FrameReader, Model, Reconstructor};
+
+    let named = || recording.path.join("recording.json").display().to_string();
+    let reader = FrameReader::for_recording(config, &recording.manifest).with_context(named)?;
+    let doorway = recording.manifest.doorway;
+    let model = Model::new(config, doorway, reader.patch(), reader.seen()).with_context(named)?;
+    let model = std::sync::Arc::new(model);
+    Ok((Engine::new(reader, Reconstructor::new(std::sync::Arc::clone(&model), warm_start)), model))
+}

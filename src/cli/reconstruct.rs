@@ -1,0 +1,151 @@
+use std::io::{IsTerminal, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use doorcam::pipeline::{Model, Published, StepError};
+use doorcam::render;
+use doorcam::source::recording::Entry;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use jiff::{SignedDuration, Timestamp};
+
+use super::{ModelOptions, engine, open_recording};
+
+/// Reconstruct a recording's frames: one update a line on stdout, pictures in a directory
+///
+/// The recording's background_frames are the empty room; the frames after them are reconstructed, each on its own.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  doorcam reconstruct recordings/lab-0 --preset published --output pictures
+  doorcam reconstruct recordings/lab-0 | head -1 | python3 -m json.tool")]
+pub(super) struct Arguments {
+    /// The recording's directory
+    recording: PathBuf,
+    /// Only these frames: A (from A on), A..B (B not included) or ..B
+    #[arg(long, value_name = "A..B", value_parser = parse_range)]
+    frames: Option<Range<u64>>,
+    /// Write pictures here: reconstruction_N.svg and .png, difference_N.png
+    #[arg(long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    model: ModelOptions,
+}
+
+fn parse_range(text: &str) -> Result<Range<u64>, String> {
+    let number = |part: &str, default: u64| {
+        if part.is_empty() {
+            Ok(default)
+        } else {
+            part.parse().map_err(|_| format!("\"{part}\" is not a frame number"))
+        }
+    };
+    let (from, to) = text.split_once("..").unwrap_or((text, ""));
+    let range = number(from, 0)?..number(to, u64::MAX)?;
+    if range.is_empty() { Err("expected A..B with A below B".into()) } else { Ok(range) }
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let config = arguments.model.config()?;
+    let recording = open_recording(&arguments.recording)?;
+    let manifest = recording.path.join("recording.json");
+    let Some([_, background_end]) = recording.manifest.background_frames else {
+        bail!("{}: background_frames is missing, expected [first, end) of the empty room", manifest.display());
+    };
+    let wanted = |e: &&Entry| {
+        recording.is_background(e.index)
+            || (e.index >= background_end && arguments.frames.as_ref().is_none_or(|r| r.contains(&e.index)))
+    };
+    let entries: Vec<&Entry> = recording.frames.iter().filter(wanted).collect();
+    if entries.iter().all(|e| recording.is_background(e.index)) {
+        bail!("{}: no frame to reconstruct after background_frames", recording.path.display());
+    }
+    let (mut engine, model) = engine(&config, &recording, false)?;
+    let pictures = arguments.output.as_deref().map(|dir| Pictures::new(dir, &recording.path)).transpose()?;
+    let progress = progress(entries.len());
+    let mut skipped = 0;
+    let mut stdout = std::io::stdout().lock();
+    for entry in entries {
+        let stepped = doorcam::source::load(&recording, entry)
+            .map_err(StepError::Skipped)
+            .and_then(|frame| engine.step(&frame, recording_time(entry.seconds)));
+        match stepped {
+            Ok(published) => {
+                if published.scene.is_some() {
+                    writeln!(stdout, "{}", published.json)?;
+                    stdout.flush()?;
+                }
+                if let Some(pictures) = &pictures {
+                    pictures.write(&model, entry.index, &published)?;
+                }
+            }
+            Err(StepError::Skipped(reason)) => {
+                skipped += 1;
+                progress.suspend(|| tracing::warn!("skipped frame {}: {reason}", entry.index));
+            }
+            Err(e @ StepError::NoBackground) => bail!("{}: {e}", recording.path.display()),
+        }
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    if skipped > 0 {
+        tracing::warn!("{skipped} frames skipped");
+    }
+    Ok(())
+}
+
+/// A recording's own clock, counted from the epoch: it has no date.
+fn recording_time(seconds: f64) -> Timestamp {
+    let offset = SignedDuration::try_from_secs_f64(seconds).unwrap_or_default();
+    Timestamp::UNIX_EPOCH.checked_add(offset).unwrap_or_default()
+}
+
+fn progress(frames: usize) -> ProgressBar {
+    let target =
+        if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let style = ProgressStyle::with_template("{bar:32} {pos}/{len} frames  {per_sec}  {eta} left");
+    let bar = ProgressBar::with_draw_target(Some(frames as u64), target);
+    style.map(|style| bar.clone().with_style(style)).unwrap_or(bar)
+}
+
+/// Where pictures go.
+struct Pictures<'a> {
+    directory: &'a Path,
+    title: String,
+}
+
+/// Width of the PNG figures, in pixels.
+const WIDTH: u32 = 1600;
+/// Side of a patch pixel in difference pictures, in pixels.
+const PATCH_PIXEL: u32 = 4;
+
+impl<'a> Pictures<'a> {
+    fn new(directory: &'a Path, recording: &Path) -> anyhow::Result<Self> {
+        std::fs::create_dir_all(directory).with_context(|| directory.display().to_string())?;
+        let name = recording.file_name().map_or_else(|| "recording".into(), |n| n.to_string_lossy().into_owned());
+        Ok(Self { directory, title: name })
+    }
+
+    fn write(&self, model: &Model, frame: u64, published: &Published) -> anyhow::Result<()> {
+        let (Some(scene), Some(difference)) = (&published.scene, &published.difference) else {
+            return Ok(());
+        };
+        let solution = &published.update.solution;
+        let caption = format!(
+            "{}, frame {frame}: λ = {}, objective {:.5}, {} facets changed",
+            self.title,
+            solution.lambda,
+            solution.objective,
+            published.update.facets.len()
+        );
+        let svg = render::reconstruction_svg(&model.picture(scene, Some(difference), &caption));
+        self.save(&format!("reconstruction_{frame:08}.svg"), svg.as_bytes())?;
+        self.save(&format!("reconstruction_{frame:08}.png"), &render::png(&svg, WIDTH)?)?;
+        self.save(&format!("difference_{frame:08}.png"), &render::difference_png(difference, PATCH_PIXEL)?)
+    }
+
+    fn save(&self, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
+        let path = self.directory.join(name);
+        std::fs::write(&path, bytes).with_context(|| path.display().to_string())
+    }
+}

@@ -1,0 +1,302 @@
+//! The configuration file: every key, its default and its range. `config/doorcam.toml` shows them all.
+
+use std::net::SocketAddr;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::{GridSpec, Room};
+use crate::transport::Kernel;
+
+/// A configuration that cannot be used: one line that names the file, the line or key, and what was expected.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct ConfigError(String);
+
+/// Everything that can be configured.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Where doorcam listens.
+    pub server: ServerConfig,
+    /// The hidden room that the map covers.
+    pub room: Room,
+    /// The reconstruction grid.
+    pub grid: GridConfig,
+    /// The floor patches.
+    pub patch: PatchConfig,
+    /// Light from facets to the floor.
+    pub transport: TransportConfig,
+    /// The inverse problem.
+    pub solver: SolverConfig,
+    /// The unified map.
+    pub scene: SceneConfig,
+    /// A set of values that overrides the sections above it names.
+    #[serde(skip)]
+    pub preset: Option<Preset>,
+}
+
+/// `[server]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ServerConfig {
+    /// Address and port.
+    pub listen: SocketAddr,
+}
+
+impl Default for ServerConfig {
+    fn default() -> Self {
+        Self { listen: SocketAddr::from(([127, 0, 0, 1], 8080)) }
+    }
+}
+
+impl Default for Room {
+    fn default() -> Self {
+        GridSpec::published().room
+    }
+}
+
+/// `[grid]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GridConfig {
+    /// Width of the grid's cells in α1 and α2; 180 must be a whole number of steps.
+    pub angular_step_deg: f64,
+    /// Smallest angle between a facet and the wall.
+    pub min_angle_deg: f64,
+    /// Distance that facets keep from the edges.
+    pub edge_clearance_m: f64,
+    /// Facets keep outside the ellipse whose points' distances to the edges sum to this.
+    pub near_sum_m: f64,
+}
+
+impl Default for GridConfig {
+    fn default() -> Self {
+        let published = GridSpec::published();
+        Self {
+            angular_step_deg: 180.0 / published.intervals as f64,
+            min_angle_deg: published.min_angle.to_degrees(),
+            edge_clearance_m: published.edge_clearance_m,
+            near_sum_m: published.near_sum_m,
+        }
+    }
+}
+
+/// `[patch]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PatchConfig {
+    /// Side of the square of floor that is used; less if a recording shows less.
+    pub fov_m: f64,
+    /// Pixels along each side.
+    pub pixels: usize,
+}
+
+impl Default for PatchConfig {
+    fn default() -> Self {
+        Self { fov_m: 0.3, pixels: 64 }
+    }
+}
+
+/// `[transport]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TransportConfig {
+    /// Falloff law.
+    pub kernel: Kernel,
+    /// Height of the facets.
+    pub facet_height_m: f64,
+}
+
+impl Default for TransportConfig {
+    fn default() -> Self {
+        Self { kernel: Kernel::Radiometric, facet_height_m: 2.0 }
+    }
+}
+
+/// `[solver]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SolverConfig {
+    /// Weight of the penalty in eq. 13.
+    pub lambda: f64,
+    /// Sweeps over facets that a frame may take.
+    pub max_sweeps: usize,
+}
+
+impl Default for SolverConfig {
+    fn default() -> Self {
+        Self { lambda: 0.05, max_sweeps: 4000 }
+    }
+}
+
+/// `[scene]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SceneConfig {
+    /// t of eq. 15, relative to the largest |c|.
+    pub unified_threshold: f64,
+}
+
+impl Default for SceneConfig {
+    fn default() -> Self {
+        Self { unified_threshold: 0.07 }
+    }
+}
+
+/// A named set of values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// The authors' program: its grid, kernel, 0.15 m patches, preprocessing and λ.
+    Published,
+}
+
+impl Config {
+    /// Reads and checks a file.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        let file = path.display();
+        let text = std::fs::read_to_string(path)
+            .map_err(|e| ConfigError(format!("{file}: cannot read the configuration: {e}")))?;
+        let config = Self::parse(&text).map_err(|e| ConfigError(format!("{file}: {e}")))?;
+        Ok(config)
+    }
+
+    /// Reads and checks a file's text.
+    pub fn parse(text: &str) -> Result<Self, ConfigError> {
+        let config: Self = toml::from_str(text).map_err(|e| {
+            let line = e.span().map_or(1, |span| 1 + text[..span.start.min(text.len())].matches('\n').count());
+            let message = e.message().split_whitespace().collect::<Vec<_>>().join(" ");
+            ConfigError(format!("line {line}: {message}"))
+        })?;
+        config.check()?;
+        Ok(config)
+    }
+
+    /// Puts a preset's values in.
+    pub fn with_preset(mut self, preset: Option<Preset>) -> Self {
+        if let Some(Preset::Published) = preset {
+            self.room = Room::default();
+            self.grid = GridConfig::default();
+            self.patch = PatchConfig { fov_m: 0.15, pixels: 64 };
+            self.transport = TransportConfig { kernel: Kernel::Published, facet_height_m: 2.0 };
+            self.solver.lambda = SolverConfig::default().lambda;
+        }
+        self.preset = preset;
+        self
+    }
+
+    /// The grid that `[room]` and `[grid]` describe.
+    pub fn grid_spec(&self) -> GridSpec {
+        GridSpec {
+            room: self.room,
+            intervals: (180.0 / self.grid.angular_step_deg).round() as usize,
+            min_angle: self.grid.min_angle_deg.to_radians(),
+            edge_clearance_m: self.grid.edge_clearance_m,
+            near_sum_m: self.grid.near_sum_m,
+        }
+    }
+
+    /// Checks each value's range; what depends on the doorway is checked with it.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        within("room.half_width_m", self.room.half_width_m, 0.1, 100.0, "metres")?;
+        within("room.depth_m", self.room.depth_m, 0.1, 100.0, "metres")?;
+        within("grid.angular_step_deg", self.grid.angular_step_deg, 0.5, 20.0, "degrees")?;
+        let steps = 180.0 / self.grid.angular_step_deg;
+        if (steps - steps.round()).abs() > 1e-6 {
+            return Err(ConfigError(format!(
+                "grid.angular_step_deg is {}, expected a step of which 180 degrees are a whole number, such as 4 or 2.5",
+                self.grid.angular_step_deg
+            )));
+        }
+        within("grid.min_angle_deg", self.grid.min_angle_deg, 1.0, 80.0, "degrees")?;
+        within("grid.edge_clearance_m", self.grid.edge_clearance_m, 0.0, 10.0, "metres")?;
+        within("grid.near_sum_m", self.grid.near_sum_m, 0.0, 100.0, "metres")?;
+        within("patch.fov_m", self.patch.fov_m, 0.01, 2.0, "metres")?;
+        within("patch.pixels", self.patch.pixels as f64, 8.0, 256.0, "pixels")?;
+        within("transport.facet_height_m", self.transport.facet_height_m, 0.1, 10.0, "metres")?;
+        check_lambda("solver.lambda", self.solver.lambda)?;
+        within("solver.max_sweeps", self.solver.max_sweeps as f64, 1.0, 1e6, "sweeps")?;
+        within("scene.unified_threshold", self.scene.unified_threshold, 0.0, 1.0, "(a share of the largest |c|)")
+    }
+}
+
+/// Reads a λ that someone typed; `key` is what to call it.
+pub fn parse_lambda(key: &str, text: &str) -> Result<f64, ConfigError> {
+    let lambda = text
+        .parse::<f64>()
+        .map_err(|_| ConfigError(format!("{key} is \"{text}\", expected a number above 0, such as 0.05")))?;
+    check_lambda(key, lambda)?;
+    Ok(lambda)
+}
+
+fn check_lambda(key: &str, lambda: f64) -> Result<(), ConfigError> {
+    if lambda.is_finite() && lambda > 0.0 {
+        return Ok(());
+    }
+    Err(ConfigError(format!("{key} is {lambda}, expected a number above 0, such as 0.05")))
+}
+
+fn within(key: &str, value: f64, low: f64, high: f64, unit: &str) -> Result<(), ConfigError> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(ConfigError(format!("{key} is {value}, expected {low} to {high} {unit}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const SHIPPED: &str = include_str!("../config/doorcam.toml");
+
+    #[test]
+    fn the_shipped_file_shows_every_key_with_its_default() {
+        assert_eq!(Config::parse(SHIPPED).unwrap(), Config::default());
+        let shipped: toml::Table = SHIPPED.parse().unwrap();
+        let keys = |table: &toml::Table| -> Vec<String> {
+            let inner = |(name, value): (&String, &toml::Value)| {
+                value.as_table().into_iter().flatten().map(|(key, _)| format!("{name}.{key}")).collect::<Vec<_>>()
+            };
+            table.iter().flat_map(inner).collect()
+        };
+        let all: toml::Table = serde_json::from_value(serde_json::to_value(Config::default()).unwrap()).unwrap();
+        assert_eq!(keys(&shipped), keys(&all));
+    }
+
+    #[test]
+    fn every_key_of_the_shipped_file_has_a_comment_above_it() {
+        let lines: Vec<&str> = SHIPPED.lines().collect();
+        for (number, line) in lines.iter().enumerate().filter(|(_, l)| l.contains(" = ") && !l.starts_with('#')) {
+            assert!(lines[number - 1].starts_with("# "), "line {}: {line}", number + 1);
+        }
+    }
+
+    #[test]
+    fn errors_name_the_line_or_the_key() {
+        let error = |text: &str| Config::parse(text).expect_err("refused").to_string();
+        assert_eq!(
+            error("[room]\ndepth_m = 3.0\n\n[solver]\nlamda = 1\n"),
+            "line 5: unknown field `lamda`, expected `lambda` or `max_sweeps`"
+        );
+        assert_eq!(error("[solver]\nlambda = -1\n"), "solver.lambda is -1, expected a number above 0, such as 0.05");
+        assert_eq!(error("[solver]\nlambda = nan\n"), "solver.lambda is NaN, expected a number above 0, such as 0.05");
+        assert!(error("[solver]\nlambda = \"big\"\n").starts_with("line 2: invalid type: string \"big\""));
+        assert!(error("[server]\nlisten = \"nowhere\"\n").starts_with("line 2: "));
+        assert!(error("[grid]\nangular_step_deg = 7\n").contains("expected a step of which 180 degrees"));
+        assert!(error("solver = {").starts_with("line 1: "));
+        let lambda = parse_lambda("--lambda", "many").expect_err("refused").to_string();
+        assert_eq!(lambda, "--lambda is \"many\", expected a number above 0, such as 0.05");
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_refused_in_one_line_or_read(text in "[\\[\\]a-z_.=\"0-9 \n-]{0,120}") {
+            if let Err(e) = Config::parse(&text) {
+                prop_assert!(!e.to_string().contains('\n'));
+            }
+        }
+    }
+}

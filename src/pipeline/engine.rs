@@ -1,0 +1,75 @@
+use std::time::Instant;
+
+use jiff::Timestamp;
+
+use super::hub::Published;
+use super::{FrameReader, ReadTimes, Reconstruction, Reconstructor, Timing, Update};
+use crate::measurement::PatchPair;
+use crate::source::{RawFrame, SkippedFrame};
+
+/// The whole way of a frame, from encoded images to an update: the same online and offline.
+pub struct Engine {
+    reader: FrameReader,
+    reconstructor: Reconstructor,
+    pair: PatchPair,
+    sequence: u64,
+    /// Once the first map was made, frames of the empty room are no longer learned from: a looped recording shows them
+    /// again, and they should then be seen to be empty.
+    watching: bool,
+}
+
+/// Why a frame made no update.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum StepError {
+    /// This frame is unusable; the next one may be fine.
+    #[error(transparent)]
+    Skipped(#[from] SkippedFrame),
+    /// There is nothing to compare frames with.
+    #[error("no frame of the empty room could be read (recording.json: background_frames), so there is no background")]
+    NoBackground,
+}
+
+impl Engine {
+    /// With nothing learned yet.
+    pub fn new(reader: FrameReader, reconstructor: Reconstructor) -> Self {
+        let pair = PatchPair::zeros(reader.patch().size);
+        Self { reader, reconstructor, pair, sequence: 0, watching: false }
+    }
+
+    /// Learns from the frame if it shows the empty room and none was reconstructed yet, otherwise reconstructs it.
+    pub fn step(&mut self, frame: &RawFrame, time: Timestamp) -> Result<Published, StepError> {
+        let start = Instant::now();
+        let read = self.reader.read(frame, &mut self.pair)?;
+        let model = self.reconstructor.model().clone();
+        let (update, scene) = if frame.background && !self.watching {
+            self.reconstructor.learn(&self.pair);
+            (Update::learning(&model, self.sequence, time, frame.index, timing(read, None, start)), None)
+        } else {
+            let reconstruction = self
+                .reconstructor
+                .reconstruct(&self.pair)
+                .map_err(|e| SkippedFrame { name: frame.name.clone(), reason: e.to_string() })?
+                .ok_or(StepError::NoBackground)?;
+            self.watching = true;
+            let timing = timing(read, Some(&reconstruction), start);
+            let update = Update::watching(&model, self.sequence, time, frame.index, &reconstruction, timing);
+            (update, Some(reconstruction.scene))
+        };
+        self.sequence += 1;
+        let difference = scene.is_some().then(|| self.reconstructor.difference().clone());
+        Ok(Published::new(update, scene, difference))
+    }
+}
+
+fn timing(read: ReadTimes, solved: Option<&Reconstruction>, start: Instant) -> Timing {
+    let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;
+    Timing {
+        decode: ms(read.decode),
+        rectify: ms(read.rectify),
+        background: solved.map_or(0.0, |r| ms(r.background_time)),
+        project: solved.map_or(0.0, |r| ms(r.project_time)),
+        solve: solved.map_or(0.0, |r| ms(r.solve_time)),
+        track: 0.0,
+        total: ms(start.elapsed()),
+    }
+}

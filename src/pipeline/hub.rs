@@ -1,0 +1,290 @@
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+use tokio::sync::watch;
+
+use super::{Model, State, Update};
+use crate::config::Preset;
+use crate::measurement::PatchPair;
+use crate::scene::Scene;
+
+/// One update as everyone gets it: made once, never changed.
+#[derive(Debug)]
+pub struct Published {
+    /// The update.
+    pub update: Update,
+    /// The same as JSON text, serialised once for all clients.
+    pub json: Arc<str>,
+    /// Views and unified map, for pictures; none while learning.
+    pub scene: Option<Scene>,
+    /// The difference measurement, for pictures; none while learning.
+    pub difference: Option<PatchPair>,
+    /// When it was published.
+    pub at: Instant,
+}
+
+impl Published {
+    /// Serialises an update for everyone.
+    pub fn new(update: Update, scene: Option<Scene>, difference: Option<PatchPair>) -> Self {
+        // An update has no map with keys other than strings, the one thing that serialisation refuses.
+        let json = serde_json::to_string(&update).unwrap_or_default().into();
+        Self { update, json, scene, difference, at: Instant::now() }
+    }
+}
+
+/// Where the source stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SourceState {
+    /// Before the first frame.
+    Opening,
+    /// Frames come.
+    Streaming,
+    /// There will be no more frames.
+    Ended,
+    /// The frame loop stopped on an error.
+    Failed,
+}
+
+/// Hands updates and status from the frame loop to everyone who asks.
+pub struct Hub {
+    model: Arc<Model>,
+    source: SourceInfo,
+    latest: watch::Sender<Option<Arc<Published>>>,
+    counters: Mutex<Counters>,
+    started: Instant,
+    stale_after: Duration,
+}
+
+/// What is fixed about the source.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SourceInfo {
+    /// As given on the command line.
+    pub spec: String,
+    /// What it is: "replay".
+    pub kind: &'static str,
+    /// Its own words about itself, for people.
+    pub notes: String,
+    /// Frames a second that it should give.
+    pub fps: f64,
+}
+
+struct Counters {
+    state: State,
+    source: SourceState,
+    error: Option<String>,
+    frames: Frames,
+    captured: Rate,
+    solved: Rate,
+}
+
+/// Counts of frames since the start.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Frames {
+    /// Frames that the source gave.
+    pub captured: u64,
+    /// Frames that became updates.
+    pub solved: u64,
+    /// Frames that a newer one replaced.
+    pub dropped: u64,
+    /// Frames that were missing or broken.
+    pub skipped: u64,
+    /// The last one of those: file and reason.
+    pub last_skipped: Option<String>,
+}
+
+/// GET /api/v1/status.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Status {
+    /// Version of the program.
+    pub version: &'static str,
+    /// Whether the map can be trusted.
+    pub state: State,
+    /// Seconds since the start.
+    pub uptime_s: f64,
+    /// The model in use.
+    pub model: &'static str,
+    /// The preset in use.
+    pub preset: Option<Preset>,
+    /// λ of eq. 13.
+    pub lambda: f64,
+    /// Where frames come from.
+    pub source: SourceStatus,
+    /// Counts of frames.
+    pub frames: Frames,
+    /// Frames a second over the last seconds.
+    pub rate_hz: Rates,
+    /// The newest update; none before the first.
+    pub last_update: Option<LastUpdate>,
+    /// Clients of the live socket.
+    pub clients: usize,
+}
+
+/// Where frames come from and how that goes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SourceStatus {
+    /// What is fixed.
+    #[serde(flatten)]
+    pub info: SourceInfo,
+    /// Where it stands.
+    pub state: SourceState,
+    /// Why it failed.
+    pub error: Option<String>,
+}
+
+/// Frames a second.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Rates {
+    /// From the source.
+    pub captured: f64,
+    /// To updates.
+    pub solved: f64,
+}
+
+/// The newest update's number and age.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LastUpdate {
+    /// Its sequence number.
+    pub sequence: u64,
+    /// Seconds since it was published.
+    pub age_s: f64,
+}
+
+/// Events in the last seconds.
+#[derive(Debug, Default)]
+struct Rate(VecDeque<Instant>);
+
+impl Rate {
+    const WINDOW: Duration = Duration::from_secs(3);
+    const MOST: usize = 4096;
+
+    fn count(&mut self, now: Instant) {
+        self.trim(now);
+        if self.0.len() < Self::MOST {
+            self.0.push_back(now);
+        }
+    }
+
+    fn trim(&mut self, now: Instant) {
+        while self.0.front().is_some_and(|&t| now.duration_since(t) > Self::WINDOW) {
+            self.0.pop_front();
+        }
+    }
+
+    fn hz(&mut self, now: Instant) -> f64 {
+        self.trim(now);
+        match (self.0.front(), self.0.back()) {
+            (Some(&first), Some(&last)) if last > first => {
+                (self.0.len() - 1) as f64 / last.duration_since(first).as_secs_f64()
+            }
+            _ => 0.0,
+        }
+    }
+}
+
+impl Hub {
+    /// A hub without updates.
+    pub fn new(model: Arc<Model>, source: SourceInfo) -> Self {
+        // As the page does it: a picture is not of now once five frames are overdue, or two seconds passed.
+        let stale_after = Duration::from_secs_f64((5.0 / source.fps).max(2.0));
+        let counters = Counters {
+            state: State::Learning,
+            source: SourceState::Opening,
+            error: None,
+            frames: Frames::default(),
+            captured: Rate::default(),
+            solved: Rate::default(),
+        };
+        Self {
+            model,
+            source,
+            latest: watch::Sender::new(None),
+            counters: Mutex::new(counters),
+            started: Instant::now(),
+            stale_after,
+        }
+    }
+
+    /// The model whose map the updates are.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The newest update.
+    pub fn latest(&self) -> Option<Arc<Published>> {
+        self.latest.borrow().clone()
+    }
+
+    /// To be told of each update; who is slow sees the newest only.
+    pub fn subscribe(&self) -> watch::Receiver<Option<Arc<Published>>> {
+        self.latest.subscribe()
+    }
+
+    /// Whether the newest update is of now.
+    pub fn is_fresh(&self) -> bool {
+        self.latest().is_some_and(|p| p.at.elapsed() <= self.stale_after)
+    }
+
+    /// Everything there is to say, for `clients` listeners.
+    pub fn status(&self, clients: usize) -> Status {
+        let now = Instant::now();
+        let last = self.latest();
+        let fresh = self.is_fresh();
+        let mut counters = self.lock();
+        let counters = &mut *counters;
+        Status {
+            version: env!("CARGO_PKG_VERSION"),
+            state: if last.is_some() && !fresh { State::Stale } else { counters.state },
+            uptime_s: self.started.elapsed().as_secs_f64(),
+            model: self.model.name(),
+            preset: self.model.preset,
+            lambda: self.model.lambda,
+            source: SourceStatus { info: self.source.clone(), state: counters.source, error: counters.error.clone() },
+            frames: counters.frames.clone(),
+            rate_hz: Rates { captured: counters.captured.hz(now), solved: counters.solved.hz(now) },
+            last_update: last.map(|p| LastUpdate { sequence: p.update.sequence, age_s: p.at.elapsed().as_secs_f64() }),
+            clients,
+        }
+    }
+
+    pub(super) fn publish(&self, published: Published) {
+        let mut counters = self.lock();
+        counters.state = published.update.state;
+        counters.frames.solved += 1;
+        counters.solved.count(published.at);
+        drop(counters);
+        self.latest.send_replace(Some(Arc::new(published)));
+    }
+
+    pub(super) fn captured(&self) {
+        let mut counters = self.lock();
+        counters.frames.captured += 1;
+        counters.source = SourceState::Streaming;
+        counters.captured.count(Instant::now());
+    }
+
+    pub(super) fn dropped(&self) {
+        self.lock().frames.dropped += 1;
+    }
+
+    pub(super) fn skipped(&self, why: String) {
+        let mut counters = self.lock();
+        counters.frames.skipped += 1;
+        counters.frames.last_skipped = Some(why);
+    }
+
+    pub(super) fn source_state(&self, state: SourceState, error: Option<String>) {
+        let mut counters = self.lock();
+        // An error is not covered up by the end that follows it.
+        if counters.source != SourceState::Failed {
+            counters.source = state;
+            counters.error = error;
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Counters> {
+        self.counters.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,22 @@
+//! The frame loop: from a source's frames to updates that everyone shares.
+//!
+//! One thread captures, one solves; between them is a slot for the newest frame ([`Mailbox`]). Each solved frame becomes
+//! one immutable [`Published`] update, serialised once, in the [`Hub`].
+
+mod engine;
+mod frames;
+mod hub;
+mod mailbox;
+mod model;
+mod reconstructor;
+mod run;
+mod update;
+
+pub use engine::{Engine, StepError};
+pub use frames::{FrameReader, ReadTimes};
+pub use hub::{Hub, Published, SourceInfo, SourceState, Status};
+pub use mailbox::Mailbox;
+pub use model::{Model, SetupError};
+pub use reconstructor::{Reconstruction, Reconstructor};
+pub use run::start;
+pub use update::{State, Timing, Track, Update};

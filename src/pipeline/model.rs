@@ -1,0 +1,117 @@
+use crate::config::{Config, Preset};
+use crate::geometry::{Doorway, FacetGrid, GeometryError};
+use crate::measurement::{PatchPair, edge_foot_mask};
+use crate::render::ReconstructionPicture;
+use crate::scene::Scene;
+use crate::solver::{Admissible, Limits, Projection, Solver};
+use crate::transport::{PatchGrid, PixelLayout, Transport, TransportSpec};
+
+/// Why a configuration and a doorway do not make a model.
+#[derive(Debug, thiserror::Error)]
+pub enum SetupError {
+    /// Doorway, room and grid do not fit together.
+    #[error(transparent)]
+    Geometry(#[from] GeometryError),
+    /// The recording's floor points do not fix the floor.
+    #[error(transparent)]
+    Homography(#[from] crate::measurement::HomographyError),
+    /// The camera does not see enough of a patch.
+    #[error(
+        "the camera sees {seen} of the {all} pixels of the {side} patch; expected at least half (patch.fov_m is {fov_m})"
+    )]
+    PatchNotSeen {
+        /// Which patch.
+        side: &'static str,
+        /// Pixels seen.
+        seen: usize,
+        /// Pixels of the patch.
+        all: usize,
+        /// Its side in metres.
+        fov_m: f64,
+    },
+}
+
+/// Everything that is computed once: geometry, transport and the problem in Gram form.
+#[derive(Debug, Clone)]
+pub struct Model {
+    /// The doorway.
+    pub doorway: Doorway,
+    /// The facets of the map.
+    pub grid: FacetGrid,
+    /// The floor patches.
+    pub patch: PatchGrid,
+    /// Measurements to the Gram system.
+    pub projection: Projection,
+    /// The Gram system's solver.
+    pub solver: Solver,
+    /// λ of eq. 13.
+    pub lambda: f64,
+    /// When the solver stops.
+    pub limits: Limits,
+    /// t of eq. 15, relative to the largest |c|.
+    pub unified_threshold: f64,
+    /// The preset that the values come from, if any.
+    pub preset: Option<Preset>,
+}
+
+impl Model {
+    /// The patches that a configuration asks for, no larger than what the source shows.
+    pub fn patch_grid(config: &Config, shown_fov_m: Option<f64>) -> PatchGrid {
+        PatchGrid {
+            size: config.patch.pixels,
+            fov_m: shown_fov_m.map_or(config.patch.fov_m, |shown| shown.min(config.patch.fov_m)),
+            layout: match config.preset {
+                Some(Preset::Published) => PixelLayout::EndsIncluded,
+                None => PixelLayout::Cells,
+            },
+        }
+    }
+
+    /// Builds the model of a doorway. `seen` tells, per side and pixel, what the source shows at all.
+    pub fn new(
+        config: &Config,
+        doorway: Doorway,
+        patch: PatchGrid,
+        seen: Option<[Vec<bool>; 2]>,
+    ) -> Result<Self, SetupError> {
+        let grid = FacetGrid::new(&doorway, &config.grid_spec())?;
+        let foot = edge_foot_mask(&patch);
+        let masks = match seen {
+            None => [foot.clone(), foot],
+            Some(seen) => seen.map(|side| side.iter().zip(&foot).map(|(&s, &f)| s && f).collect()),
+        };
+        let spec =
+            TransportSpec { kernel: config.transport.kernel, facet_height_m: config.transport.facet_height_m, patch };
+        let transport = Transport::new(&doorway, &grid.facets, &spec);
+        let projection = Projection::new(&transport, masks);
+        let admissible =
+            grid.foreground.iter().map(|&f| if f { Admissible::Brighter } else { Admissible::EitherSign }).collect();
+        Ok(Self {
+            doorway,
+            patch,
+            solver: Solver::new(projection.gram(), admissible),
+            projection,
+            lambda: config.solver.lambda,
+            limits: Limits { sweeps: config.solver.max_sweeps, ..Limits::default() },
+            unified_threshold: config.scene.unified_threshold,
+            preset: config.preset,
+            grid,
+        })
+    }
+
+    /// The name of the model in updates.
+    pub fn name(&self) -> &'static str {
+        "published"
+    }
+
+    /// What to draw of a scene that this model found.
+    pub fn picture<'a>(
+        &'a self,
+        scene: &'a Scene,
+        difference: Option<&'a PatchPair>,
+        caption: &'a str,
+    ) -> ReconstructionPicture<'a> {
+        let Self { doorway, grid, patch, .. } = self;
+        ReconstructionPicture { doorway, grid, patch, scene, difference, caption }
+    }
+}

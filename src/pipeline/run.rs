@@ -1,0 +1,110 @@
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+use jiff::Timestamp;
+
+use super::Mailbox;
+use super::engine::{Engine, StepError};
+use super::hub::{Hub, SourceState};
+use crate::source::{RawFrame, SkippedFrame, Source};
+
+/// A captured frame and when it was captured.
+struct Captured {
+    frame: RawFrame,
+    time: Timestamp,
+}
+
+/// Starts the capture and the solver thread; they end with the source.
+pub fn start(source: Box<dyn Source>, engine: Engine, hub: Arc<Hub>) -> std::io::Result<[JoinHandle<()>; 2]> {
+    let mailbox = Arc::new(Mailbox::default());
+    let capture = {
+        let (mailbox, hub) = (Arc::clone(&mailbox), Arc::clone(&hub));
+        std::thread::Builder::new().name("capture".into()).spawn(move || {
+            let _closing = Closing(&mailbox);
+            capture(source, &mailbox, &hub);
+        })?
+    };
+    let solve = std::thread::Builder::new().name("solve".into()).spawn(move || {
+        let _closing = Closing(&mailbox);
+        let guard = EndGuard { hub: &hub, done: false };
+        let ended = solve(engine, &mailbox, &hub);
+        guard.end(ended);
+    })?;
+    Ok([capture, solve])
+}
+
+/// Closes the mailbox however its thread ends, so that the other one ends too.
+struct Closing<'a>(&'a Mailbox<Captured>);
+
+impl Drop for Closing<'_> {
+    fn drop(&mut self) {
+        self.0.close();
+    }
+}
+
+/// Reports how the solver thread ended, even if it panicked.
+struct EndGuard<'a> {
+    hub: &'a Hub,
+    done: bool,
+}
+
+impl EndGuard<'_> {
+    fn end(mut self, result: Result<(), String>) {
+        self.done = true;
+        match result {
+            Ok(()) => self.hub.source_state(SourceState::Ended, None),
+            Err(error) => {
+                tracing::error!("{error}");
+                self.hub.source_state(SourceState::Failed, Some(error));
+            }
+        }
+    }
+}
+
+impl Drop for EndGuard<'_> {
+    fn drop(&mut self) {
+        if !self.done {
+            self.hub.source_state(SourceState::Failed, Some("the frame loop stopped on an internal error".into()));
+        }
+    }
+}
+
+fn capture(mut source: Box<dyn Source>, mailbox: &Mailbox<Captured>, hub: &Hub) {
+    let lossless = source.lossless();
+    while let Some(next) = source.next_frame() {
+        if mailbox.is_closed() {
+            return;
+        }
+        match next {
+            Ok(frame) => {
+                hub.captured();
+                let captured = Captured { frame, time: Timestamp::now() };
+                if lossless {
+                    if !mailbox.put_after(captured) {
+                        return;
+                    }
+                } else if mailbox.replace(captured).is_some() {
+                    hub.dropped();
+                }
+            }
+            Err(skipped) => skip(hub, &skipped),
+        }
+    }
+}
+
+fn skip(hub: &Hub, skipped: &SkippedFrame) {
+    tracing::warn!("skipped a frame: {skipped}");
+    hub.skipped(skipped.to_string());
+}
+
+/// Solves frames until there are no more; an error if none of them can be solved.
+fn solve(mut engine: Engine, mailbox: &Mailbox<Captured>, hub: &Hub) -> Result<(), String> {
+    while let Some(Captured { frame, time }) = mailbox.take() {
+        match engine.step(&frame, time) {
+            Ok(published) => hub.publish(published),
+            Err(StepError::Skipped(skipped)) => skip(hub, &skipped),
+            Err(e @ StepError::NoBackground) => return Err(e.to_string()),
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,171 @@
+use jiff::Timestamp;
+use serde::Serialize;
+
+use super::{Model, Reconstruction};
+use crate::scene::{Rgb, Scene};
+
+/// Whether the map can be trusted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum State {
+    /// The empty room is being learned: no map yet.
+    Learning,
+    /// The map is of now.
+    Watching,
+    /// The light changed as a whole; the background is being learned anew.
+    Relearning,
+    /// No new frame for some time: the map is of then.
+    Stale,
+}
+
+/// What is known after one frame: one line of `doorcam reconstruct`, one message of the live socket (DESIGN: the update
+/// contract). Light is linear, relative to full scale; negative means darker than the background.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Update {
+    /// Version of this format.
+    pub version: u32,
+    /// Counts updates of this run, from 0.
+    pub sequence: u64,
+    /// Time of capture, RFC 3339. For a recording reconstructed offline, its own clock from 1970-01-01T00:00:00Z.
+    pub time: Timestamp,
+    /// The frame's number in its recording.
+    pub frame: Option<u64>,
+    /// Whether the map can be trusted.
+    pub state: State,
+    /// How the map was found.
+    pub solution: SolutionReport,
+    /// Which signs the map may have.
+    pub model: &'static str,
+    /// Change of the visible side's light, b of eq. 12.
+    pub illumination: Illumination,
+    /// The facets that changed.
+    pub facets: Vec<FacetReport>,
+    /// People: none until there is a tracker.
+    pub tracks: Vec<Track>,
+    /// Where the time went.
+    pub timing_ms: Timing,
+}
+
+/// How the map was found.
+#[derive(Debug, Clone, PartialEq, Serialize, Default)]
+pub struct SolutionReport {
+    /// λ of eq. 13.
+    pub lambda: f64,
+    /// Value of eq. 13.
+    pub objective: f64,
+    /// Its data term.
+    pub data: f64,
+    /// Its penalty.
+    pub penalty: f64,
+    /// A proven lower bound on the objective.
+    pub bound: f64,
+    /// Sweeps over the facets.
+    pub iterations: usize,
+    /// Whether the previous frame's map was the start.
+    pub warm: bool,
+}
+
+/// b of eq. 12 at each patch.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Default)]
+pub struct Illumination {
+    /// At the left patch.
+    pub left: Rgb,
+    /// At the right patch.
+    pub right: Rgb,
+}
+
+/// One facet's change.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct FacetReport {
+    /// Index in the grid.
+    pub index: usize,
+    /// Seen from the left edge.
+    pub left: [f32; 3],
+    /// Seen from the right edge.
+    pub right: [f32; 3],
+    /// In the unified map.
+    pub unified: [f32; 3],
+}
+
+/// A tracked person. There is no tracker yet, so there is no value of this type.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub enum Track {}
+
+/// Milliseconds spent on each stage of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Default)]
+pub struct Timing {
+    /// Decoding the images.
+    pub decode: f64,
+    /// Rectifying them.
+    pub rectify: f64,
+    /// Subtracting the background.
+    pub background: f64,
+    /// Aᵀy.
+    pub project: f64,
+    /// Solving eq. 13.
+    pub solve: f64,
+    /// Tracking: 0 until there is a tracker.
+    pub track: f64,
+    /// From the encoded frame to the update.
+    pub total: f64,
+}
+
+impl Update {
+    /// An update without a map, while the empty room is learned.
+    pub fn learning(model: &Model, sequence: u64, time: Timestamp, frame: Option<u64>, timing_ms: Timing) -> Self {
+        Self {
+            version: 1,
+            sequence,
+            time,
+            frame,
+            state: State::Learning,
+            solution: SolutionReport { lambda: model.lambda, ..SolutionReport::default() },
+            model: model.name(),
+            illumination: Illumination::default(),
+            facets: Vec::new(),
+            tracks: Vec::new(),
+            timing_ms,
+        }
+    }
+
+    /// The update of a reconstructed frame.
+    pub fn watching(
+        model: &Model,
+        sequence: u64,
+        time: Timestamp,
+        frame: Option<u64>,
+        reconstruction: &Reconstruction,
+        timing_ms: Timing,
+    ) -> Self {
+        let solution = &reconstruction.solution;
+        let [left, right] = reconstruction.illumination;
+        Self {
+            state: State::Watching,
+            solution: SolutionReport {
+                lambda: solution.lambda,
+                objective: solution.objective(),
+                data: solution.data,
+                penalty: solution.penalty,
+                bound: solution.bound,
+                iterations: solution.sweeps,
+                warm: solution.warm,
+            },
+            illumination: Illumination { left, right },
+            facets: facets(&reconstruction.scene),
+            ..Self::learning(model, sequence, time, frame, timing_ms)
+        }
+    }
+}
+
+fn facets(scene: &Scene) -> Vec<FacetReport> {
+    let single = |rgb: Rgb| rgb.map(|v| v as f32);
+    scene
+        .nonzero()
+        .map(|n| FacetReport {
+            index: n,
+            left: single(scene.left[n]),
+            right: single(scene.right[n]),
+            unified: single(scene.unified[n]),
+        })
+        .collect()
+}

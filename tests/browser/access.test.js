@@ -1,0 +1,86 @@
+// The page for everyone: keyboard, narrow and wide windows, assistive technology, closed networks.
+
+import assert from "node:assert/strict";
+import { readFile } from "node:fs/promises";
+import { createRequire } from "node:module";
+import { describe, test } from "node:test";
+import { DESKTOP, PHONE, draws, picture, reaches } from "./browser.js";
+import { twoPeople, update } from "./scene.js";
+import { visit } from "./visit.js";
+
+/** @import { BrowserContextOptions } from "playwright-core" */
+
+describe("everyone", () => {
+  test("reaches the selectors by keyboard", async (t) => {
+    const { mock, page } = await visit(t);
+    mock.send(update(1, []));
+    await reaches(page, "live");
+    await page.keyboard.press("Tab");
+    assert.equal(await page.evaluate(() => /** @type {HTMLInputElement} */ (document.activeElement).value), "unified");
+    await page.keyboard.press("ArrowRight");
+    assert.equal(await page.getByLabel("Left view").isChecked(), true);
+    await page.keyboard.press("Tab");
+    await page.keyboard.press("ArrowRight");
+    assert.equal(await page.getByLabel("Brighter", { exact: true }).isChecked(), true);
+    await page.keyboard.press("Tab");
+    await page.keyboard.press("Enter");
+    await page.locator("#lit[open]").waitFor();
+  });
+
+  for (const width of [360, PHONE.width, 768, 1024, 1920]) {
+    test(`fits a window ${width} pixels wide`, async (t) => {
+      const { mock, page } = await visit(t, { viewport: { width, height: 800 } });
+      mock.send(twoPeople(mock.geometry, 20));
+      await draws(page, 20);
+      await page.getByText("Lit facets", { exact: false }).first().click();
+      const room = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
+      assert.equal(room, 0, "no sideways scrolling");
+    });
+  }
+
+  const axe = createRequire(import.meta.url).resolve("axe-core/axe.min.js");
+  /** @type {[string, BrowserContextOptions][]} */
+  const looks = [
+    ["light", { viewport: DESKTOP, colorScheme: "light" }],
+    ["dark", { viewport: DESKTOP, colorScheme: "dark" }],
+    ["phone", { viewport: PHONE, colorScheme: "light", deviceScaleFactor: 2, hasTouch: true }],
+  ];
+  for (const [name, options] of looks) {
+    test(`has no accessibility violation (${name}), and its picture is taken`, async (t) => {
+      const { mock, page, complaints } = await visit(t, options);
+      let sequence = 0;
+      const stream = setInterval(() => mock.send(twoPeople(mock.geometry, (sequence += 1))), 100);
+      t.after(() => clearInterval(stream));
+      await draws(page, 25);
+      await page.locator("#difference-image").waitFor();
+      await picture(page, name);
+      // Through the debugger, for the page's own policy forbids foreign scripts.
+      await page.evaluate(await readFile(axe, "utf8"));
+      for (const state of ["live", "stale"]) {
+        await reaches(page, state);
+        const { violations } = await page.evaluate(() => /** @type {any} */ (window).axe.run({ resultTypes: ["violations"] }));
+        assert.deepEqual(
+          violations.map((/** @type {any} */ v) => `${v.impact} ${v.id}: ${v.nodes.map((/** @type {any} */ n) => n.html).join(" | ")}`),
+          [],
+          state,
+        );
+        clearInterval(stream);
+      }
+      await picture(page, `${name}-stale`);
+      assert.deepEqual(complaints, []);
+    });
+  }
+
+  test("asks nothing of any other host", async (t) => {
+    const { mock, page } = await visit(t);
+    /** @type {string[]} */
+    const foreign = [];
+    page.on("request", (request) => {
+      if (!request.url().startsWith(mock.url)) foreign.push(request.url());
+    });
+    await page.reload();
+    mock.send(update(1, []));
+    await reaches(page, "live");
+    assert.deepEqual(foreign, []);
+  });
+});

@@ -1,0 +1,150 @@
+// The daemon's contract without the daemon: web/ from disk, scripted answers and updates.
+
+import { readFile } from "node:fs/promises";
+import { createServer } from "node:http";
+import { extname, join, normalize } from "node:path";
+import { fileURLToPath } from "node:url";
+import { WebSocketServer } from "ws";
+import { png } from "./png.js";
+import * as scene from "./scene.js";
+
+/** @import { IncomingMessage, ServerResponse } from "node:http" */
+/** @import { AddressInfo } from "node:net" */
+/** @import { Update } from "../../web/types.js" */
+
+const WEB = fileURLToPath(new URL("../../web/", import.meta.url));
+const API = "/api/v1/";
+
+/** @type {Record<string, string>} */
+const TYPES = {
+  ".html": "text/html; charset=utf-8",
+  ".css": "text/css; charset=utf-8",
+  ".js": "text/javascript; charset=utf-8",
+  ".svg": "image/svg+xml",
+};
+
+export class Mock {
+  constructor() {
+    this.geometry = scene.geometry();
+    this.status = scene.status();
+    this.hasPictures = true;
+    /** @type {Update | null} */
+    this.latest = null;
+    this.latestAt = 0;
+    this.port = 0;
+    /** @type {string[]} */
+    this.requests = [];
+  }
+
+  get url() {
+    return `http://127.0.0.1:${this.port}/`;
+  }
+
+  /** Starting again after `stop` takes the same port. */
+  async start() {
+    this.server = createServer((request, response) => void this.#answer(request, response));
+    this.sockets = new WebSocketServer({ server: this.server, path: `${API}live` });
+    this.sockets.on("connection", (socket) => {
+      if (this.latest) socket.send(JSON.stringify(this.latest));
+    });
+    const { server } = this;
+    await new Promise((done) => server.listen(this.port, "127.0.0.1", () => done(null)));
+    this.port = /** @type {AddressInfo} */ (server.address()).port;
+    return this;
+  }
+
+  /** As the daemon does on shutdown: open sockets are told, then everything ends. */
+  async stop() {
+    const { server, sockets } = this;
+    if (!server || !sockets) return;
+    for (const socket of sockets.clients) socket.close(1001, "shutting down");
+    await new Promise((done) => {
+      server.close(done);
+      server.closeAllConnections();
+      setTimeout(() => sockets.clients.forEach((socket) => socket.terminate()), 50);
+    });
+  }
+
+  /** @param {Update} update */
+  send(update) {
+    this.latest = update;
+    this.latestAt = Date.now();
+    for (const socket of this.sockets?.clients ?? []) socket.send(JSON.stringify(update));
+  }
+
+  /**
+   * @param {IncomingMessage} request
+   * @param {ServerResponse} response
+   */
+  async #answer(request, response) {
+    const { pathname } = new URL(request.url ?? "/", this.url);
+    this.requests.push(pathname);
+    // The strictest policy the daemon may set: the page must work under it.
+    response.setHeader("content-security-policy", "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
+    response.setHeader("x-content-type-options", "nosniff");
+    if (pathname.startsWith(API)) this.#answerApi(pathname.slice(API.length), response);
+    else await this.#answerAsset(pathname, response);
+  }
+
+  /**
+   * @param {string} name
+   * @param {ServerResponse} response
+   */
+  #answerApi(name, response) {
+    const age_s = (Date.now() - this.latestAt) / 1000;
+    const last_update = this.latest && { sequence: this.latest.sequence, age_s };
+    if (name === "geometry") return json(response, this.geometry);
+    if (name === "status") return json(response, { ...this.status, last_update });
+    if (name === "reconstruction" && this.latest) return json(response, this.latest);
+    if (name === "difference.png" && this.latest && this.hasPictures) {
+      response.setHeader("content-type", "image/png");
+      return response.end(differencePicture(this.latest.sequence));
+    }
+    return problem(response);
+  }
+
+  /**
+   * @param {string} pathname
+   * @param {ServerResponse} response
+   */
+  async #answerAsset(pathname, response) {
+    const path = normalize(join(WEB, pathname.endsWith("/") ? `${pathname}index.html` : pathname));
+    try {
+      if (!path.startsWith(WEB)) throw new Error("outside web/");
+      const body = await readFile(path);
+      response.setHeader("content-type", TYPES[extname(path)] ?? "application/octet-stream");
+      response.end(body);
+    } catch {
+      problem(response);
+    }
+  }
+}
+
+/**
+ * @param {ServerResponse} response
+ * @param {unknown} value
+ */
+function json(response, value) {
+  response.setHeader("content-type", "application/json");
+  response.end(JSON.stringify(value));
+}
+
+/** @param {ServerResponse} response */
+function problem(response) {
+  response.writeHead(404, { "content-type": "application/problem+json" });
+  response.end(JSON.stringify({ type: "about:blank", title: "Not Found", status: 404 }));
+}
+
+/** @param {number} sequence */
+function differencePicture(sequence) {
+  const fan = (/** @type {number} */ angle, /** @type {number} */ edge) => 1 / (1 + Math.exp((edge - angle) / 0.05));
+  const swing = 0.25 * Math.sin(sequence / 25);
+  return png(132, 64, (x, y) => {
+    if (x >= 64 && x < 68) return [10, 14, 19];
+    const left = x < 64;
+    const angle = Math.atan2(y + 0.5, left ? x - 31.5 : 99.5 - x);
+    const red = 70 * fan(angle, left ? 1.9 + swing : 1.1 + swing);
+    const blue = 70 * fan(angle, left ? 1.2 - swing : 1.8 - swing);
+    return [118 + red, 118 + (red + blue) / 6, 118 + blue];
+  });
+}

@@ -1,0 +1,249 @@
+// The page against the scripted mock: what it draws and what it says about its connection.
+
+import assert from "node:assert/strict";
+import { describe, test } from "node:test";
+import { colourAt, draws, pixels, reaches, settled } from "./browser.js";
+import { geometry, lit, middle, nearest, twoPeople, update } from "./scene.js";
+import { visit } from "./visit.js";
+
+/** @import { Track } from "../../web/types.js" */
+
+const RED = /** @type {const} */ ([0.02, 0, 0]);
+/** @type {(rgb: readonly [number, number, number]) => [number, number, number]} */
+const rgb = ([r, g, b]) => [r, g, b];
+
+describe("map", () => {
+  test("draws a lit facet in its colour where it stands", async (t) => {
+    const { mock, page, complaints } = await visit(t);
+    const index = nearest(mock.geometry, -0.6, 1.2);
+    const place = middle(mock.geometry, index);
+    mock.send(update(1, []));
+    await reaches(page, "live");
+    await draws(page, 1);
+    const unlit = await colourAt(page, place);
+    assert.ok(Math.max(...unlit) < 90, `an unlit facet is faint, got ${unlit}`);
+    // Full red and a quarter of it in green: linear 0.25 is 137 in sRGB.
+    mock.send(update(2, [lit(index, [0.02, 0.005, 0])]));
+    await draws(page, 2);
+    assert.deepEqual(await colourAt(page, place), [255, 137, 0]);
+    await page.getByText("1 of", { exact: false }).first().waitFor();
+    assert.deepEqual(complaints, []);
+  });
+
+  test("keeps brightness while the strongest change sinks", async (t) => {
+    const { mock, page } = await visit(t);
+    const index = nearest(mock.geometry, 0.6, 1.2);
+    mock.send(update(1, [lit(index, rgb(RED))]));
+    await draws(page, 1);
+    mock.send(update(2, [lit(index, [0.01, 0, 0])]));
+    await draws(page, 2);
+    const [red] = await colourAt(page, middle(mock.geometry, index));
+    assert.ok(red > 180 && red < 215, `half of the running maximum is about 188, got ${red}`);
+  });
+
+  test("follows the layer selector", async (t) => {
+    const { mock, page } = await visit(t);
+    const index = nearest(mock.geometry, 0.4, 1.3);
+    const place = middle(mock.geometry, index);
+    mock.send(update(1, [lit(index, [0.01, 0.01, 0.01], { left: [0.02, 0, 0], right: [0, 0, 0.02] })]));
+    await draws(page, 1);
+    assert.deepEqual(await colourAt(page, place), [255, 255, 255]);
+    await page.getByLabel("Left view").check({ force: true });
+    await settled(page);
+    assert.deepEqual(await colourAt(page, place), [255, 0, 0]);
+    await page.getByLabel("Right view").check({ force: true });
+    await settled(page);
+    assert.deepEqual(await colourAt(page, place), [0, 0, 255]);
+  });
+
+  test("shows a darker facet as a hatched outline, not as a bright one", async (t) => {
+    const { mock, page } = await visit(t);
+    const index = nearest(mock.geometry, -0.5, 1.4);
+    mock.send(update(1, [lit(index, rgb(RED))]));
+    await draws(page, 1);
+    const brighter = await pixels(page);
+    mock.send(update(2, [lit(index, [-0.02, 0, 0])]));
+    await draws(page, 2);
+    const darker = await pixels(page);
+    assert.notEqual(darker, brighter);
+    await page.getByLabel("Brighter", { exact: true }).check({ force: true });
+    await settled(page);
+    const onlyBrighter = await pixels(page);
+    assert.notEqual(onlyBrighter, darker, "a darker facet is left out");
+    await page.getByLabel("Darker", { exact: true }).check({ force: true });
+    await settled(page);
+    assert.equal(await pixels(page), darker);
+  });
+
+  test("shows a facet's numbers under the pointer, and the strongest first in a table", async (t) => {
+    const { mock, page } = await visit(t);
+    const [weak, strong] = [nearest(mock.geometry, 0.7, 1.2), nearest(mock.geometry, -0.7, 1.2)];
+    mock.send(update(1, [lit(weak, [0.004, 0, 0]), lit(strong, [0, -0.0123, 0], { left: [0, -0.02, 0] })]));
+    await draws(page, 1);
+    const [x, y] = middle(mock.geometry, strong);
+    const at = await page.evaluate(([x, y]) => /** @type {any} */ (window).doorcam.mapPoint(x, y), [x, y]);
+    await page.locator("#map").hover({ position: { x: at[0], y: at[1] } });
+    const tooltip = page.locator("#tooltip");
+    await tooltip.waitFor();
+    const text = await tooltip.innerText();
+    assert.match(text, new RegExp(`Facet ${strong}\\b`));
+    assert.match(text, /Unified\s+0\s+\u22120\.0123\s+0/);
+    assert.match(text, /Left\s+0\s+\u22120\.0200\s+0/);
+    await page.keyboard.press("Escape");
+    await tooltip.waitFor({ state: "hidden" });
+
+    await page.getByText("Lit facets", { exact: false }).first().click();
+    const first = page.locator("#lit-rows tr").first();
+    await first.waitFor();
+    assert.equal(await first.locator("td").first().innerText(), String(strong));
+    assert.equal(await page.locator("#lit-rows tr").count(), 2);
+  });
+
+  test("lists and draws tracks when there are any", async (t) => {
+    const { mock, page } = await visit(t);
+    mock.send(update(1, []));
+    await draws(page, 1);
+    await page.getByText("No tracks yet: tracking is not built into this version.").waitFor();
+    /** @type {Track} */
+    const track = {
+      id: 7, state: "confirmed", x_m: 0.31, y_m: 1.4, vx_m_s: 0.3, vy_m_s: 0.4,
+      covariance_m2: [[0.02, 0.008], [0.008, 0.04]], rgb: [0.01, 0, 0], age_s: 4.2,
+    };
+    mock.send(update(2, [], { tracks: [track] }));
+    await draws(page, 2);
+    assert.deepEqual(await colourAt(page, [0.31, 1.4]), [244, 247, 250]);
+    await page.locator("#tracks li").waitFor();
+    assert.match(await page.locator("#tracks li").innerText(), /7\s+0\.31, 1\.40 m\s+0\.5 m\/s, confirmed for 4 s/);
+    assert.equal(await page.locator("#tracks-none").isVisible(), false);
+  });
+
+  test("is sharp on a dense screen and draws a thick wall to scale", async (t) => {
+    const { mock, page } = await visit(t, { deviceScaleFactor: 2 }, (mock) => {
+      mock.geometry.doorway = { width_m: 0.85, wall_thickness_m: 0.12, height_m: 2.03 };
+    });
+    mock.send(update(1, []));
+    await draws(page, 1);
+    const ratio = await page.evaluate(() => {
+      const canvas = /** @type {HTMLCanvasElement} */ (document.getElementById("map"));
+      return canvas.width / canvas.clientWidth;
+    });
+    assert.equal(ratio, 2);
+    const wall = await colourAt(page, [0.6, -0.11]);
+    assert.deepEqual(await colourAt(page, [0.6, -0.01]), wall);
+    assert.notDeepEqual(await colourAt(page, [0.2, -0.06]), wall, "the opening is open");
+    assert.notDeepEqual(await colourAt(page, [0.9, -0.16]), wall, "the wall ends at its thickness");
+  });
+});
+
+describe("connection", () => {
+  test("says whose data it is and how it goes", async (t) => {
+    const { mock, page } = await visit(t);
+    mock.send(update(41, []));
+    await reaches(page, "live");
+    mock.send(update(42, []));
+    mock.send(update(46, []));
+    await draws(page, 46);
+    await page.waitForFunction(() => document.getElementById("missed")?.textContent === "3");
+    const body = await page.locator("body").innerText();
+    for (const words of ["Simulated: two people", "replay:recordings/two-people,loop", "Watching", "unexpected end of file", "3.2 ms", "doorcam 0.1.0"]) {
+      assert.ok(body.includes(words), `the page says "${words}"`);
+    }
+    assert.match(await page.locator("#rate").innerText(), /^\d+\.\d$/);
+  });
+
+  test("comes back by itself after a restart, with the new door", async (t) => {
+    const { mock, page } = await visit(t);
+    mock.send(update(500, []));
+    await reaches(page, "live");
+    await mock.stop();
+    await reaches(page, "reconnecting");
+    assert.match(await page.locator("#connection-label").innerText(), /^Reconnecting/);
+    assert.match(await page.locator("#map-notice").innerText(), /Not connected · last update \d+ s ago/);
+    const other = geometry({ width: 0.85, thickness: 0.12 });
+    mock.geometry = other;
+    mock.status.source.notes = "Another recording";
+    mock.latest = null;
+    await mock.start();
+    await reaches(page, "waiting");
+    const index = nearest(other, 0.5, 1.5);
+    mock.send(update(1, [lit(index, rgb(RED))]));
+    await reaches(page, "live");
+    await page.waitForFunction(() => document.documentElement.dataset.sequence === "1");
+    assert.deepEqual(await colourAt(page, middle(other, index)), [255, 0, 0]);
+    assert.equal(await page.locator("#missed").innerText(), "0", "a restarted count is no miss");
+    await page.getByText("Another recording").waitFor();
+  });
+
+  test("never passes an old picture off as live", async (t) => {
+    const { mock, page, complaints } = await visit(t);
+    mock.send(update(1, []));
+    await reaches(page, "live");
+    assert.equal(await page.locator("#map-notice").isVisible(), false);
+    await reaches(page, "stale");
+    assert.match(await page.locator("#map-notice").innerText(), /^Stale · last update \d s ago$/);
+    await page.waitForFunction(() => Number(getComputedStyle(/** @type {Element} */ (document.getElementById("map"))).opacity) < 0.5);
+    mock.send(update(2, []));
+    await reaches(page, "live");
+    mock.status.source.state = "ended";
+    await page.locator("#map-notice", { hasText: /^Recording ended · last update \d+ s ago$/ }).waitFor();
+    assert.deepEqual(complaints, []);
+  });
+
+  test("shows the last picture of a recording that ended before, as such", async (t) => {
+    const { page, complaints } = await visit(t, {}, (mock) => {
+      mock.latest = twoPeople(mock.geometry, 90);
+      mock.latestAt = Date.now() - 300_000;
+      mock.status.source.state = "ended";
+    });
+    await page.locator("#map-notice", { hasText: "Recording ended · last update 5 min ago" }).waitFor();
+    assert.equal(await page.locator("html").getAttribute("data-sequence"), "90");
+    assert.deepEqual(complaints, []);
+  });
+
+  test("waits visibly for the first picture", async (t) => {
+    const { mock, page, complaints } = await visit(t, {}, (mock) => {
+      mock.status.state = "learning";
+    });
+    await reaches(page, "waiting");
+    await page.locator("#map-notice", { hasText: "Learning the background" }).waitFor();
+    mock.status.source = { ...mock.status.source, state: "failed", error: "no such device" };
+    await page.locator("#map-notice", { hasText: "Source failed: no such device" }).waitFor();
+    assert.deepEqual(complaints, []);
+  });
+
+  test("waits longer after each failure, never too long, and not in step with others", async (t) => {
+    const { page } = await visit(t);
+    const delays = await page.evaluate(async () => {
+      const { backoffMs } = await import(/** @type {any} */ ("/live.js"));
+      const at = (/** @type {number} */ random) => Array.from({ length: 12 }, (_, attempt) => backoffMs(attempt, () => random));
+      return { least: at(0), most: at(1) };
+    });
+    assert.deepEqual(delays.most.slice(0, 6), [500, 1000, 2000, 4000, 8000, 15000]);
+    assert.equal(delays.most[11], 15000);
+    assert.deepEqual(delays.least, delays.most.map((/** @type {number} */ ms) => ms / 2));
+  });
+
+  test("hides the difference picture when the daemon has none", async (t) => {
+    const { mock, page } = await visit(t, {}, (mock) => {
+      mock.hasPictures = false;
+    });
+    mock.send(update(1, []));
+    await reaches(page, "live");
+    await page.waitForTimeout(800);
+    assert.equal(await page.locator("#difference").isVisible(), false);
+    assert.equal(mock.requests.filter((path) => path.endsWith("difference.png")).length, 1, "asked once, not hammered");
+  });
+
+  test("asks for the difference picture at most once a second", async (t) => {
+    const { mock, page } = await visit(t);
+    const from = Date.now();
+    for (let sequence = 1; sequence <= 30; sequence += 1) {
+      mock.send(update(sequence, []));
+      await page.waitForTimeout(80);
+    }
+    await page.locator("#difference-image").waitFor();
+    const asked = mock.requests.filter((path) => path.endsWith("difference.png")).length;
+    const seconds = (Date.now() - from) / 1000;
+    assert.ok(asked >= 2 && asked <= seconds + 1, `asked ${asked} times in ${seconds} s`);
+  });
+});

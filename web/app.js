@@ -1,0 +1,207 @@
+import { getGeometry, getReconstruction, getStatus, liveUrl } from "./api.js";
+import { Arrivals } from "./arrivals.js";
+import { LayerScales } from "./colour.js";
+import { byId, setText } from "./dom.js";
+import { UNKNOWN, amount } from "./format.js";
+import { judge } from "./freshness.js";
+import { LiveSocket } from "./live.js";
+import { RoomMap } from "./map/map.js";
+import { DifferencePicture } from "./panels/difference.js";
+import { showLitFacets } from "./panels/lit-facets.js";
+import { showConnection, showStatus, showUpdate, showWatchState } from "./panels/status.js";
+import { Tooltip } from "./panels/tooltip.js";
+import { showTracks } from "./panels/tracks.js";
+
+/** @import { Choice, Status, Update } from "./types.js" */
+/** @import { Phase } from "./live.js" */
+
+const STATUS_PERIOD_MS = 2000;
+// The eye needs numbers a few times a second; the map alone follows every update.
+const PANEL_PERIOD_MS = 250;
+
+const arrivals = new Arrivals();
+const scales = new LayerScales();
+const difference = new DifferencePicture();
+const map = new RoomMap(byId("map", HTMLCanvasElement), drawn);
+const tooltip = new Tooltip(map);
+const live = new LiveSocket(liveUrl(), { onPhase, onMessage });
+
+/** @type {Update | null} */
+let newest = null;
+let newestAtS = 0;
+/** @type {Status | null} */
+let status = null;
+let statusAtS = 0;
+let polling = false;
+let statusFailures = 0;
+let everConnected = false;
+/** Counts connections, so that an answer to an earlier one is known and dropped. */
+let connection = 0;
+/** Until the geometry of this connection is here, its updates have no place on the map. */
+let geometryOf = -1;
+
+const nowS = () => performance.now() / 1000;
+
+/** @param {Phase} phase */
+function onPhase(phase) {
+  if (phase === "open") {
+    everConnected = true;
+    connection += 1;
+    arrivals.reconnected();
+    void begin(connection);
+  }
+  refreshConnection();
+}
+
+/**
+ * The daemon may have been restarted with another door or source: nothing known before holds.
+ * @param {number} which
+ */
+async function begin(which) {
+  try {
+    const [geometry, first] = await Promise.all([getGeometry(), getStatus()]);
+    if (which !== connection || live.phase !== "open") return;
+    // Updates that came in the meantime belong to the new geometry, the one before does not.
+    const held = arrivals.sequence === null ? null : newest;
+    geometryOf = which;
+    map.setGeometry(geometry);
+    acceptStatus(first);
+    newest = null;
+    live.settled();
+    if (held) accept(held, newestAtS);
+    else if (first.last_update) await showLast(which, first.last_update.age_s);
+  } catch {
+    if (which === connection) live.drop();
+  }
+}
+
+/**
+ * An ended recording sends nothing any more, yet its last picture is worth showing.
+ * @param {number} which
+ * @param {number} ageS
+ */
+async function showLast(which, ageS) {
+  const last = await getReconstruction();
+  if (which === connection && !newest) accept(last, nowS() - ageS);
+}
+
+/** @param {string} text */
+function onMessage(text) {
+  /** @type {Update} */
+  let update;
+  try {
+    update = JSON.parse(text);
+  } catch {
+    return; // not ours to show; staleness tells if it goes on
+  }
+  const now = nowS();
+  arrivals.record(update.sequence, now);
+  accept(update, now);
+}
+
+/**
+ * @param {Update} update
+ * @param {number} atS
+ */
+function accept(update, atS) {
+  newest = update;
+  newestAtS = atS;
+  if (geometryOf !== connection) return;
+  scales.follow(update.facets, nowS());
+  map.show(update, scales.of(choice().layer));
+  refreshConnection();
+}
+
+/** @param {Status} fresh */
+function acceptStatus(fresh) {
+  status = fresh;
+  statusAtS = nowS();
+  statusFailures = 0;
+  // What the socket sends on opening can be old: only the daemon knows its age.
+  const last = fresh.last_update;
+  if (last && last.sequence === newest?.sequence) newestAtS = Math.min(newestAtS, statusAtS - last.age_s);
+  showStatus(fresh);
+}
+
+async function pollStatus() {
+  const which = connection;
+  if (polling || live.phase !== "open" || geometryOf !== which) return;
+  polling = true;
+  try {
+    const fresh = await getStatus();
+    if (which === connection) acceptStatus(fresh);
+  } catch {
+    // A socket can stay "open" for long after the other side is gone; two silences settle it.
+    statusFailures += 1;
+    if (which === connection && live.phase === "open" && statusFailures >= 2) live.drop();
+  } finally {
+    polling = false;
+  }
+}
+
+/** @returns {Choice} */
+function choice() {
+  const value = (/** @type {string} */ name) =>
+    document.querySelector(`input[name="${name}"]:checked`)?.getAttribute("value");
+  return /** @type {Choice} */ ({ layer: value("layer"), signs: value("signs") });
+}
+
+function choose() {
+  const chosen = choice();
+  map.choose(chosen, scales.of(chosen.layer));
+  refreshPanels();
+}
+
+/** @param {number | null} sequence */
+function drawn(sequence) {
+  if (sequence === null) delete document.documentElement.dataset.sequence;
+  else document.documentElement.dataset.sequence = String(sequence);
+  tooltip.refresh();
+}
+
+function refreshConnection() {
+  const now = nowS();
+  const verdict = judge({
+    phase: live.phase,
+    everConnected,
+    retryInS: live.retryInS(),
+    ageS: newest ? now - newestAtS : null,
+    watch: newest?.state ?? null,
+    status,
+    statusAgeS: now - statusAtS,
+  });
+  showConnection(verdict);
+  const known = verdict.connection === "live" || verdict.connection === "waiting";
+  showWatchState(known ? (newest?.state ?? status?.state ?? null) : null);
+}
+
+function refreshPanels() {
+  refreshConnection();
+  const now = nowS();
+  showUpdate(newest, arrivals.rateHz(now), arrivals.missed);
+  if (!newest || !map.geometry || geometryOf !== connection) return;
+  const chosen = choice();
+  const scale = scales.of(chosen.layer);
+  setText(byId("scale"), scale > 0 ? amount(scale) : UNKNOWN);
+  showLitFacets(map.geometry, newest, chosen);
+  showTracks(newest.tracks);
+  if (live.phase === "open") difference.refresh(newest.sequence, now);
+}
+
+byId("layer").addEventListener("change", choose);
+byId("signs").addEventListener("change", choose);
+byId("lit").addEventListener("toggle", refreshPanels);
+window.addEventListener("online", () => live.hurry());
+document.addEventListener("visibilitychange", () => {
+  if (!document.hidden) live.hurry();
+});
+setInterval(pollStatus, STATUS_PERIOD_MS);
+setInterval(refreshPanels, PANEL_PERIOD_MS);
+
+// For tests that look at pixels: where a floor point in metres lies, in CSS pixels of the canvas.
+Object.defineProperty(window, "doorcam", {
+  value: Object.freeze({ mapPoint: (/** @type {number} */ x, /** @type {number} */ y) => map.pointOf(x, y) }),
+});
+
+choose();
+live.connect();

@@ -1,0 +1,79 @@
+import { duration } from "./format.js";
+
+/** @import { Phase } from "./live.js" */
+/** @import { Status, WatchState } from "./types.js" */
+
+/** @typedef {"connecting" | "waiting" | "live" | "stale" | "reconnecting"} Connection */
+
+/**
+ * @typedef {object} Verdict
+ * @property {Connection} connection
+ * @property {string} label  for the status bar
+ * @property {string | null} notice  over the map; null only while the picture is live
+ */
+
+/**
+ * @typedef {object} Evidence
+ * @property {Phase} phase
+ * @property {boolean} everConnected
+ * @property {number} retryInS
+ * @property {number | null} ageS  of the picture shown; null before the first
+ * @property {WatchState | null} watch  as the picture's own update says
+ * @property {Status | null} status
+ * @property {number} statusAgeS
+ */
+
+/**
+ * A picture older than this is not live.
+ * @param {number | null | undefined} fps
+ */
+export const staleAfterS = (fps) => Math.max(2, fps ? 5 / fps : 0);
+
+/**
+ * Whether what the map shows may be called live, and if not, what to say instead. The one rule:
+ * an old picture is never passed off as the present.
+ * @param {Evidence} evidence
+ * @returns {Verdict}
+ */
+export function judge(evidence) {
+  const { phase, everConnected, retryInS, ageS, watch, status, statusAgeS } = evidence;
+  const since = ageS === null ? "" : ` · last update ${duration(ageS)} ago`;
+
+  if (phase !== "open") {
+    if (phase === "connecting" && !everConnected) {
+      return { connection: "connecting", label: "Connecting", notice: "Connecting" };
+    }
+    const seconds = Math.ceil(retryInS);
+    const label = phase === "waiting" && seconds > 0 ? `Reconnecting in ${seconds} s` : "Reconnecting";
+    return { connection: "reconnecting", label, notice: `Not connected${since}` };
+  }
+
+  const trouble = sourceTrouble(status);
+  if (ageS === null) {
+    return { connection: "waiting", label: "Connected", notice: trouble ?? beforeFirst(status) };
+  }
+  // The status is polled: an update that came after it proves that its bad news is over.
+  if (trouble && ageS > statusAgeS) {
+    return { connection: "stale", label: "Stale", notice: trouble + since };
+  }
+  if (watch === "stale" || ageS > staleAfterS(status?.source.fps)) {
+    return { connection: "stale", label: "Stale", notice: `Stale${since}` };
+  }
+  return { connection: "live", label: "Live", notice: null };
+}
+
+/** @param {Status | null} status */
+function sourceTrouble(status) {
+  if (status?.source.state === "ended") return "Recording ended";
+  if (status?.source.state === "failed") {
+    return status.source.error ? `Source failed: ${status.source.error}` : "Source failed";
+  }
+  return null;
+}
+
+/** @param {Status | null} status */
+function beforeFirst(status) {
+  if (status?.source.state === "opening") return "Opening the source";
+  if (status?.state === "learning" || status?.state === "relearning") return "Learning the background";
+  return "Waiting for the first picture";
+}

@@ -1,0 +1,85 @@
+import { byId, setText } from "../dom.js";
+import { UNKNOWN, duration, fixed, integer, milliseconds } from "../format.js";
+
+/** @import { Status, Update, WatchState } from "../types.js" */
+/** @import { Verdict } from "../freshness.js" */
+
+/** @type {Record<WatchState, string>} */
+const WATCH_WORDS = {
+  learning: "Learning the background",
+  watching: "Watching",
+  relearning: "Learning the background anew",
+  stale: "No new frames",
+};
+
+/** @param {Verdict} verdict */
+export function showConnection({ connection, label, notice }) {
+  const root = document.documentElement;
+  if (root.dataset.connection !== connection) {
+    root.dataset.connection = connection;
+    setText(byId("connection-spoken"), notice ? `${label}. ${notice}` : label);
+  }
+  setText(byId("connection-label"), label);
+  const element = byId("map-notice");
+  element.hidden = notice === null;
+  setText(element, notice ?? "");
+  byId("map-frame").classList.toggle("not-live", notice !== null);
+}
+
+/** @param {Status} status */
+export function showStatus(status) {
+  const { source, frames, rate_hz: rate } = status;
+  byId("source").hidden = false;
+  setText(byId("source-spec"), source.spec);
+  byId("source-notes").hidden = !source.notes;
+  setText(byId("source-notes"), source.notes ?? "");
+
+  setText(byId("dropped"), integer(frames.dropped));
+  setText(byId("skipped"), integer(frames.skipped));
+  byId("last-skipped-row").hidden = !frames.last_skipped;
+  setText(byId("last-skipped"), frames.last_skipped ?? "");
+  setText(byId("daemon-rate"), `${fixed(rate.captured, 1)}, ${fixed(rate.solved, 1)} a second`);
+
+  const preset = status.preset && status.preset !== status.model ? `, preset ${status.preset}` : "";
+  setText(byId("model"), status.model + preset);
+  setText(byId("lambda"), String(status.lambda));
+  setText(byId("version"), `doorcam ${status.version}`);
+  setText(byId("uptime"), `running for ${duration(status.uptime_s)}`);
+}
+
+/** @param {WatchState | null} watch */
+export function showWatchState(watch) {
+  const element = byId("watch-state");
+  element.hidden = watch === null;
+  setText(element, watch ? (WATCH_WORDS[watch] ?? watch) : "");
+}
+
+/**
+ * @param {Update | null} update
+ * @param {number | null} rateHz
+ * @param {number} missed
+ */
+export function showUpdate(update, rateHz, missed) {
+  setText(byId("rate"), fixed(rateHz, 1));
+  setText(byId("missed"), integer(missed));
+  if (!update) return;
+  const { solution, timing_ms: timing } = update;
+  setText(byId("frame"), update.frame === null ? integer(update.sequence) : integer(update.frame));
+  setText(byId("solve-ms"), milliseconds(timing.solve));
+  setText(byId("total-ms"), milliseconds(timing.total));
+  setText(byId("model"), update.model);
+  setText(byId("lambda"), String(Number(solution.lambda.toPrecision(4))));
+  setText(byId("objective"), Number.isFinite(solution.objective) ? solution.objective.toPrecision(4) : UNKNOWN);
+  setText(byId("gap"), gap(solution));
+  setText(byId("iterations"), `${integer(solution.iterations)}, from ${solution.warm ? "the last frame" : "nothing"}`);
+}
+
+/**
+ * How far the objective can at most be above the global optimum, relative to itself.
+ * @param {{ objective: number, bound: number }} solution
+ */
+function gap({ objective, bound }) {
+  if (!Number.isFinite(bound) || !(objective > 0)) return UNKNOWN;
+  const percent = (100 * Math.max(objective - bound, 0)) / objective;
+  return percent < 0.01 ? "below 0.01 %" : `${fixed(percent, percent < 1 ? 2 : 1)} %`;
+}

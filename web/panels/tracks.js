@@ -1,0 +1,24 @@
+import { byId, resizeList, setText } from "../dom.js";
+import { duration, fixed, position } from "../format.js";
+
+/** @import { Track } from "../types.js" */
+
+/** @param {Track[]} tracks */
+export function showTracks(tracks) {
+  byId("tracks-none").hidden = tracks.length > 0;
+  const list = byId("tracks");
+  resizeList(list, tracks.length, item);
+  tracks.forEach((track, row) => {
+    const [id, place, detail] = list.children[row].children;
+    const speed = Math.hypot(track.vx_m_s, track.vy_m_s);
+    setText(id, String(track.id));
+    setText(place, position(track.x_m, track.y_m));
+    setText(detail, `${fixed(speed, 1)} m/s, ${track.state} for ${duration(track.age_s)}`);
+  });
+}
+
+function item() {
+  const element = document.createElement("li");
+  element.append(document.createElement("b"), document.createElement("div"), document.createElement("span"));
+  return element;
+}

@@ -1,0 +1,77 @@
+// The objects the daemon sends, as JSDoc types for the editor and for `tsc --checkJs`.
+// Nothing imports this file at run time.
+
+/** @typedef {[number, number]} Point  x, y in metres, door frame */
+/** @typedef {[number, number, number]} Rgb  linear light change; negative is darker than the background */
+
+/** @typedef {"unified" | "left" | "right"} Layer */
+/** @typedef {"both" | "brighter" | "darker"} Signs */
+
+/**
+ * @typedef {object} Geometry
+ * @property {{ width_m: number, wall_thickness_m: number, height_m: number | null }} doorway
+ * @property {{ half_width_m: number, depth_m: number }} room
+ * @property {{ fov_m: number, pixels: number }} patch
+ * @property {[Point, Point][]} facets
+ * @property {boolean[]} foreground
+ */
+
+/**
+ * @typedef {object} LitFacet
+ * @property {number} index
+ * @property {Rgb} left
+ * @property {Rgb} right
+ * @property {Rgb} unified
+ */
+
+/**
+ * @typedef {object} Track
+ * @property {number} id
+ * @property {"tentative" | "confirmed" | "coasting"} state
+ * @property {number} x_m
+ * @property {number} y_m
+ * @property {number} vx_m_s
+ * @property {number} vy_m_s
+ * @property {[[number, number], [number, number]]} covariance_m2
+ * @property {Rgb} rgb
+ * @property {number} age_s
+ */
+
+/** @typedef {"learning" | "watching" | "relearning" | "stale"} WatchState */
+
+/**
+ * @typedef {object} Update
+ * @property {number} version
+ * @property {number} sequence
+ * @property {string} time
+ * @property {number | null} frame
+ * @property {WatchState} state
+ * @property {{ lambda: number, objective: number, data: number, penalty: number, bound: number,
+ *              iterations: number, warm: boolean }} solution
+ * @property {string} model
+ * @property {{ left: Rgb, right: Rgb }} illumination
+ * @property {LitFacet[]} facets
+ * @property {Track[]} tracks
+ * @property {Record<string, number>} timing_ms
+ */
+
+/**
+ * @typedef {object} Status
+ * @property {string} version
+ * @property {WatchState} state
+ * @property {number} uptime_s
+ * @property {string} model
+ * @property {string | null} preset
+ * @property {number} lambda
+ * @property {{ spec: string, kind: string, state: "opening" | "streaming" | "ended" | "failed",
+ *              notes: string | null, fps: number | null, error: string | null }} source
+ * @property {{ captured: number, solved: number, dropped: number, skipped: number,
+ *              last_skipped: string | null }} frames
+ * @property {{ captured: number, solved: number }} rate_hz
+ * @property {{ sequence: number, age_s: number } | null} last_update
+ * @property {number} clients
+ */
+
+/** @typedef {{ layer: Layer, signs: Signs }} Choice  what the two selectors above the map say */
+
+export {};
