@@ -185,7 +185,8 @@ function refreshPanels() {
   setText(byId("scale"), scale > 0 ? amount(scale) : UNKNOWN);
   showLitFacets(map.geometry, newest, chosen);
   showTracks(newest.tracks);
-  if (live.phase === "open") difference.refresh(newest.sequence, now);
+  // While the empty room is learned there is nothing that it differs from.
+  if (live.phase === "open" && newest.state !== "learning") difference.refresh(newest.sequence, now);
 }
 
 byId("layer").addEventListener("change", choose);

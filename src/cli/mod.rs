@@ -3,6 +3,7 @@
 mod check_config;
 mod import;
 mod reconstruct;
+mod serve;
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -32,6 +33,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Serve(serve::Arguments),
     Reconstruct(reconstruct::Arguments),
     Import(import::Arguments),
     CheckConfig(check_config::Arguments),
@@ -75,6 +77,7 @@ pub(crate) fn run() -> ExitCode {
         .with_target(false)
         .init();
     let result = match arguments.command {
+        Command::Serve(arguments) => serve::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         Command::CheckConfig(arguments) => check_config::run(&arguments),

@@ -1,1 +1,134 @@
-//! tmp
+//! The page, the REST API and the live socket.
+
+mod api;
+mod assets;
+mod live;
+mod pictures;
+mod problem;
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
+use std::time::Duration;
+
+use axum::Router;
+use axum::http::header::{self, HeaderName};
+use axum::http::{HeaderValue, Method, Uri};
+use axum::routing::get;
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+use tower_http::set_header::SetResponseHeaderLayer;
+
+use self::pictures::Pictures;
+use self::problem::Problem;
+use crate::pipeline::Hub;
+
+/// Why the server is not there.
+#[derive(Debug, thiserror::Error)]
+pub enum ServerError {
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: {reason} (choose another with --listen or server.listen)")]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// Why not.
+        reason: String,
+    },
+    /// It stopped.
+    #[error("the server stopped: {0}")]
+    Stopped(std::io::Error),
+}
+
+/// What every request can see.
+#[derive(Clone)]
+struct Shared {
+    hub: Arc<Hub>,
+    pictures: Arc<Pictures>,
+    clients: Arc<AtomicUsize>,
+    /// Turns true when the server ends: open sockets would hold it up for ever.
+    ending: watch::Receiver<bool>,
+}
+
+/// A bound address, not yet served.
+pub struct Server {
+    listener: TcpListener,
+    address: SocketAddr,
+}
+
+/// How long clients are given to leave when the server ends.
+const FAREWELL: Duration = Duration::from_secs(2);
+
+impl Server {
+    /// Binds the address; port 0 takes a free one.
+    pub async fn bind(address: SocketAddr) -> Result<Self, ServerError> {
+        let failed = |e: std::io::Error| ServerError::Listen {
+            address,
+            reason: match e.kind() {
+                std::io::ErrorKind::AddrInUse => "the port is in use".into(),
+                std::io::ErrorKind::PermissionDenied => "permission denied".into(),
+                std::io::ErrorKind::AddrNotAvailable => "this machine does not have that address".into(),
+                _ => e.to_string(),
+            },
+        };
+        let listener = TcpListener::bind(address).await.map_err(failed)?;
+        let address = listener.local_addr().map_err(failed)?;
+        Ok(Self { listener, address })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Serves until `end` completes, then tells clients and gives them two seconds.
+    pub async fn serve(self, hub: Arc<Hub>, end: impl Future<Output = ()> + Send + 'static) -> Result<(), ServerError> {
+        let (tell, ending) = watch::channel(false);
+        let mut ended = ending.clone();
+        let shared = Shared { hub, pictures: Arc::default(), clients: Arc::default(), ending };
+        let serving = axum::serve(self.listener, routes(shared)).with_graceful_shutdown(async move {
+            end.await;
+            // The receivers live as long as the server.
+            let _ = tell.send(true);
+        });
+        let overdue = async move {
+            // An error means that the server is gone already.
+            let _ = ended.wait_for(|&e| e).await;
+            tokio::time::sleep(FAREWELL).await;
+        };
+        tokio::select! {
+            result = serving => result.map_err(ServerError::Stopped),
+            () = overdue => Ok(()),
+        }
+    }
+}
+
+fn routes(shared: Shared) -> Router {
+    let v1 = Router::new()
+        .route("/status", get(api::status))
+        .route("/geometry", get(api::geometry))
+        .route("/reconstruction", get(api::reconstruction))
+        .route("/reconstruction.png", get(api::reconstruction_png))
+        .route("/difference.png", get(api::difference_png))
+        .route("/tracks", get(api::tracks))
+        .route("/live", get(live::live));
+    let fixed = |name: HeaderName, value: &'static str| {
+        SetResponseHeaderLayer::if_not_present(name, HeaderValue::from_static(value))
+    };
+    Router::new()
+        .nest("/api/v1", v1)
+        .route("/livez", get(|| async { "alive\n" }))
+        .route("/readyz", get(api::readyz))
+        .fallback(not_found_or_asset)
+        .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
+            Problem::method_not_allowed(&format!("{method} is not possible on {}", uri.path()))
+        })
+        .layer(fixed(header::CONTENT_SECURITY_POLICY, "default-src 'self'; frame-ancestors 'none'; base-uri 'none'"))
+        .layer(fixed(header::X_CONTENT_TYPE_OPTIONS, "nosniff"))
+        .layer(fixed(header::REFERRER_POLICY, "no-referrer"))
+        .layer(fixed(header::CACHE_CONTROL, "no-store"))
+        .with_state(shared)
+}
+
+async fn not_found_or_asset(request: axum::extract::Request) -> axum::response::Response {
+    assets::serve(&request)
+}

@@ -1,7 +1,15 @@
-//! Where the tests' reference data is, and the readers for it.
+//! What several test files need: reference data, recordings made on the spot, the real binary.
+// Each test file uses a part of it.
 #![allow(dead_code)]
 
-use std::path::PathBuf;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use doorcam::geometry::Doorway;
+use doorcam::measurement::Transfer;
+use doorcam::source::recording::{Layout, Manifest};
 
 /// A path below the reference data, or none, saying so, if this machine does not have it.
 pub fn data(path: &str) -> Option<PathBuf> {
@@ -17,7 +25,7 @@ pub fn data(path: &str) -> Option<PathBuf> {
 }
 
 /// A two-dimensional array of a NPY file (version 1, little-endian f64), as (rows, columns, values in row-major order).
-pub fn npy(path: &std::path::Path) -> (usize, usize, Vec<f64>) {
+pub fn npy(path: &Path) -> (usize, usize, Vec<f64>) {
     let bytes = std::fs::read(path).expect("readable NPY file");
     let header_len = u16::from_le_bytes([bytes[8], bytes[9]]) as usize;
     let header = std::str::from_utf8(&bytes[10..10 + header_len]).expect("ASCII header");
@@ -42,6 +50,143 @@ pub fn npy(path: &std::path::Path) -> (usize, usize, Vec<f64>) {
 }
 
 /// The published doorway: 20 inches wide, a thin wall.
-pub fn published_doorway() -> doorcam::geometry::Doorway {
-    doorcam::geometry::Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None }
+pub fn published_doorway() -> Doorway {
+    Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None }
+}
+
+/// A manifest of patch images of the published doorway, 10 frames a second, with two frames of the empty room.
+pub fn manifest() -> Manifest {
+    Manifest {
+        fps: 10.0,
+        layout: Layout::Patches,
+        transfer: Transfer::Linear,
+        size: Some([16, 16]),
+        doorway: published_doorway(),
+        floor_points: Vec::new(),
+        fov_m: Some(0.15),
+        background_frames: Some([0, 2]),
+        notes: "made by a test".into(),
+    }
+}
+
+/// A small JPEG, all of one grey.
+pub const JPEG: &[u8] = include_bytes!("../../src/source/testdata/grey16.jpg");
+
+/// A recording of `frames` equal JPEG pairs.
+pub fn grey_recording(manifest: &Manifest, frames: usize) -> tempfile::TempDir {
+    let dir = tempfile::tempdir().expect("temporary directory");
+    manifest.write(dir.path()).expect("manifest");
+    std::fs::create_dir(dir.path().join("frames")).expect("frames");
+    for index in 0..frames {
+        for side in ["left", "right"] {
+            std::fs::write(dir.path().join(format!("frames/{index:08}_{side}.jpg")), JPEG).expect("frame");
+        }
+    }
+    dir
+}
+
+/// The program, with its arguments.
+pub fn doorcam<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_doorcam"));
+    command.args(arguments).stdin(Stdio::null());
+    command
+}
+
+/// Runs the program to its end.
+pub fn run<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Output {
+    doorcam(arguments).output().expect("the program starts")
+}
+
+/// What a program said on stderr.
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).expect("UTF-8")
+}
+
+/// A running `doorcam serve`; it is ended with the test.
+pub struct Daemon {
+    child: Child,
+    /// `http://ADDRESS:PORT`
+    pub url: String,
+}
+
+impl Daemon {
+    /// Starts it on a free port and waits until it says where.
+    pub fn start(source: &str, more: &[&str]) -> Self {
+        let mut child = doorcam(&["serve", "--source", source, "--listen", "127.0.0.1:0"])
+            .args(more)
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let mut stderr = BufReader::new(child.stderr.take().expect("piped"));
+        let mut said = String::new();
+        while !said.contains("http://") {
+            let mut line = String::new();
+            if stderr.read_line(&mut line).expect("readable") == 0 {
+                panic!("doorcam ended before it listened: {said}");
+            }
+            said.push_str(&line);
+        }
+        // Somebody must go on reading, or the program would block on a full pipe.
+        std::thread::spawn(move || std::io::copy(&mut stderr, &mut std::io::sink()));
+        let url = said.split_whitespace().find(|word| word.starts_with("http://")).expect("an address").to_owned();
+        Self { child, url }
+    }
+
+    /// Status code and body of a GET request.
+    pub fn get(&self, path: &str) -> (u16, Vec<u8>) {
+        let agent: ureq::Agent = ureq::Agent::config_builder()
+            .http_status_as_error(false)
+            .timeout_global(Some(Duration::from_secs(20)))
+            .build()
+            .into();
+        let mut response = agent.get(format!("{}{path}", self.url)).call().expect("an answer");
+        let mut body = Vec::new();
+        response.body_mut().as_reader().read_to_end(&mut body).expect("a body");
+        (response.status().as_u16(), body)
+    }
+
+    /// The JSON answer of a GET request that must succeed.
+    pub fn json(&self, path: &str) -> serde_json::Value {
+        let (status, body) = self.get(path);
+        assert_eq!(status, 200, "{path}: {}", String::from_utf8_lossy(&body));
+        serde_json::from_slice(&body).expect("JSON")
+    }
+
+    /// Asks for the status until it is as wanted.
+    pub fn wait_for(&self, what: &str, wanted: impl Fn(&serde_json::Value) -> bool) -> serde_json::Value {
+        let deadline = Instant::now() + Duration::from_secs(60);
+        loop {
+            let status = self.json("/api/v1/status");
+            if wanted(&status) {
+                return status;
+            }
+            assert!(Instant::now() < deadline, "waited in vain for {what}: {status}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Opens the live socket.
+    pub fn live(&self) -> tungstenite::WebSocket<std::net::TcpStream> {
+        let address = self.url.trim_start_matches("http://");
+        let stream = std::net::TcpStream::connect(address).expect("connects");
+        stream.set_read_timeout(Some(Duration::from_secs(30))).expect("a limit");
+        tungstenite::client(format!("ws://{address}/api/v1/live"), stream).expect("upgrades").0
+    }
+
+    /// Asks it to end, as a service manager does; returns how long that took and its exit status.
+    pub fn terminate(&mut self) -> (Duration, Option<i32>) {
+        let start = Instant::now();
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").args(["-TERM", &id]).status().expect("kill").success());
+        let status = self.child.wait().expect("it ends");
+        (start.elapsed(), status.code())
+    }
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        // It may have ended already.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
 }

@@ -1,0 +1,60 @@
+use axum::extract::Request;
+use axum::http::{Method, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use rust_embed::{Embed, EmbeddedFile};
+
+use super::problem::Problem;
+
+/// The page: in the binary; in debug builds, from disk.
+#[derive(Embed)]
+#[folder = "web/"]
+struct Web;
+
+/// The page's file of that path, or a problem.
+pub(super) fn serve(request: &Request) -> Response {
+    let path = request.uri().path();
+    let name = if path == "/" { "index.html" } else { path.trim_start_matches('/') };
+    let Some(file) = Web::get(name) else {
+        return Problem::not_found(&format!("there is nothing at {path}")).into_response();
+    };
+    if !matches!(*request.method(), Method::GET | Method::HEAD) {
+        return Problem::method_not_allowed(&format!("{} is not possible on {path}", request.method())).into_response();
+    }
+    // The browser keeps files but asks each time whether they are still the ones: an update is seen at once.
+    let tag = etag(&file);
+    let known = request.headers().get_all(header::IF_NONE_MATCH).iter().any(|v| v.as_bytes() == tag.as_bytes());
+    let headers = [(header::ETAG, tag), (header::CACHE_CONTROL, "no-cache".into())];
+    if known {
+        return (StatusCode::NOT_MODIFIED, headers).into_response();
+    }
+    (headers, [(header::CONTENT_TYPE, content_type(name))], file.data).into_response()
+}
+
+fn etag(file: &EmbeddedFile) -> String {
+    let hash = file.metadata.sha256_hash();
+    let hex: String = hash[..16].iter().map(|byte| format!("{byte:02x}")).collect();
+    format!("\"{hex}\"")
+}
+
+fn content_type(name: &str) -> &'static str {
+    match name.rsplit_once('.').map(|(_, extension)| extension) {
+        Some("html") => "text/html; charset=utf-8",
+        Some("js") => "text/javascript; charset=utf-8",
+        Some("css") => "text/css; charset=utf-8",
+        Some("svg") => "image/svg+xml",
+        Some("json") => "application/json",
+        _ => "application/octet-stream",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_file_of_the_page_has_a_type() {
+        for name in Web::iter() {
+            assert_ne!(content_type(&name), "application/octet-stream", "{name}");
+        }
+    }
+}
