@@ -1,0 +1,17 @@
+# doorcam in a container: docker build -t doorcam . && docker run --rm -p 8080:8080 doorcam
+FROM rust:1-bookworm AS build
+WORKDIR /src
+COPY Cargo.toml Cargo.lock ./
+COPY src src
+COPY web web
+COPY config config
+COPY benches benches
+RUN cargo build --release --locked
+
+FROM debian:bookworm-slim
+RUN useradd --system --no-create-home doorcam
+COPY --from=build /src/target/release/doorcam /usr/local/bin/doorcam
+USER doorcam
+EXPOSE 8080
+# Inside a container loopback is nobody else's: publish the port only where you trust the network.
+CMD ["doorcam", "demo", "--listen", "0.0.0.0:8080"]
