@@ -5,7 +5,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use doorcam::geometry::{Doorway, FacetGrid, GridSpec};
 use doorcam::measurement::edge_foot_mask;
-use doorcam::solver::Projection;
+use doorcam::solver::{Columns, Nuisance, Projection};
 use doorcam::transport::{Kernel, PatchGrid, PixelLayout, Transport, TransportSpec};
 
 fn transport(c: &mut Criterion) {
@@ -21,9 +21,11 @@ fn transport(c: &mut Criterion) {
         let spec = TransportSpec { kernel, facet_height_m: 2.0, patch };
         group.bench_function(name, |b| b.iter(|| black_box(Transport::new(&doorway, &grid.facets, &spec))));
         let transport = Transport::new(&doorway, &grid.facets, &spec);
-        let mask = edge_foot_mask(&patch);
+        let weights = edge_foot_mask(&patch).iter().map(|&m| f64::from(u8::from(m))).collect::<Vec<_>>();
+        let weights = [weights.clone(), weights];
+        let nuisance = Nuisance::constant(patch.pixels());
         group.bench_function(format!("{name}, Gram matrices"), |b| {
-            b.iter(|| black_box(Projection::new(&transport, [mask.clone(), mask.clone()])))
+            b.iter(|| black_box(Projection::new(&transport, &weights, &nuisance, Columns::Radiance)))
         });
     }
     group.finish();

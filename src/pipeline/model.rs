@@ -3,7 +3,7 @@ use crate::geometry::{Doorway, FacetGrid, GeometryError};
 use crate::measurement::{PatchPair, edge_foot_mask};
 use crate::render::ReconstructionPicture;
 use crate::scene::Scene;
-use crate::solver::{Admissible, Limits, Projection, Solver};
+use crate::solver::{Admissible, Columns, Limits, Nuisance, Projection, Solver};
 use crate::transport::{PatchGrid, PixelLayout, Transport, TransportSpec};
 
 /// Why a configuration and a doorway do not make a model.
@@ -80,10 +80,11 @@ impl Model {
             None => [foot.clone(), foot],
             Some(seen) => seen.map(|side| side.iter().zip(&foot).map(|(&s, &f)| s && f).collect()),
         };
+        let weights = masks.map(|mask: Vec<bool>| mask.iter().map(|&m| f64::from(u8::from(m))).collect());
         let spec =
             TransportSpec { kernel: config.transport.kernel, facet_height_m: config.transport.facet_height_m, patch };
         let transport = Transport::new(&doorway, &grid.facets, &spec);
-        let projection = Projection::new(&transport, masks);
+        let projection = Projection::new(&transport, &weights, &Nuisance::constant(patch.pixels()), Columns::Radiance);
         let admissible =
             grid.foreground.iter().map(|&f| if f { Admissible::Brighter } else { Admissible::EitherSign }).collect();
         Ok(Self {

@@ -78,7 +78,10 @@ impl Reconstructor {
         let solution = model.solver.solve(&self.correlations, model.lambda, model.limits, warm);
         let solve_time = start.elapsed();
         let scene = Scene::new(&solution.intensities, model.unified_threshold);
-        let illumination = model.projection.illumination(&self.correlations, [&scene.left, &scene.right]);
+        let illumination = model.projection.illumination(&self.correlations, |s, n| {
+            let i = &solution.intensities[n];
+            i.colour.map(|v| [i.left, i.right][s] * v)
+        });
         self.previous = Some(solution.clone());
         Ok(Some(Reconstruction { solution, scene, illumination, background_time, project_time, solve_time }))
     }

@@ -10,8 +10,11 @@
 
 mod descent;
 pub mod facet;
+mod low_rank;
+mod nuisance;
 mod projection;
 
 pub use descent::{Limits, Solution, Solver};
 pub use facet::Admissible;
-pub use projection::{Correlations, Projection, ProjectionError};
+pub use nuisance::Nuisance;
+pub use projection::{Columns, Correlations, Projection, ProjectionError};

@@ -1,28 +1,53 @@
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::low_rank::LowRank;
+use super::nuisance::Nuisance;
 use crate::geometry::Side;
 use crate::measurement::PatchPair;
 use crate::transport::Transport;
 
 /// Pixels whose products are summed in f32 before they join the f64 sum.
-const BLOCK: usize = 64;
+const BLOCK: usize = 512;
 
-/// Takes difference measurements to the Gram system: Aᵀy with b eliminated.
+/// How the columns of A enter the problem.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Columns {
+    /// As the transport has them: far facets, which light the floor less, pay more for the same light.
+    Radiance,
+    /// Each column of A_L and of A_R scaled to unit norm: what a facet pays is how much the floor changes, near or far.
+    /// Intensities are then norms of that change, not radiances.
+    UnitNorm,
+}
+
+/// Takes difference measurements to the Gram system: Aᵀy with the nuisances eliminated.
 ///
-/// b^p is the least-squares constant of each patch and channel, so projecting the constant out of the columns of A over
-/// the pixels that count leaves a problem without b: A is replaced by (I − 11ᵀ/M) A, and Aᵀy by the same product with y
-/// as it is, because the centred columns are orthogonal to constants.
+/// Nuisances are patterns that the visible side's light and the camera's gain add to a patch at any strength, unpenalised:
+/// in eq. 12 the constant b^p. With Q an orthonormal basis of them, their least-squares strengths leave the problem with
+/// (I − QQᵀ) W A for A and (I − QQᵀ) W y for y, W the pixels' weights. A is nearly of low rank, so it is kept as U C with
+/// orthonormal U (M x r): a frame costs the r + q products [Q U]ᵀ W y instead of N.
 #[derive(Debug, Clone)]
 pub struct Projection {
-    /// Per side, centred and masked columns, f32, one facet after the other.
-    columns: [Vec<f32>; 2],
-    /// Per side and facet, the mean of the column over the pixels that count.
-    means: [Vec<f64>; 2],
+    sides: [ProjectedSide; 2],
     gram: [DMatrix<f64>; 2],
-    masks: [Vec<bool>; 2],
-    counted: [usize; 2],
     facets: usize,
+}
+
+#[derive(Debug, Clone)]
+struct ProjectedSide {
+    weights: Vec<f32>,
+    /// Q then U, one orthonormal vector after the other.
+    basis: Vec<f32>,
+    /// Vectors of Q.
+    nuisances: usize,
+    /// C, r x N: (I − QQᵀ) W A = U C, columns scaled.
+    core: DMatrix<f64>,
+    /// QᵀWA with scaled columns: what of each facet's light looks like a nuisance.
+    absorbed: DMatrix<f64>,
+    /// Mean over the patch of each nuisance vector, taken back to unweighted pixels.
+    means: Vec<f64>,
+    /// Radiance of a facet of intensity 1.
+    scale: Vec<f64>,
 }
 
 /// What the solver needs to know of one frame.
@@ -30,10 +55,14 @@ pub struct Projection {
 pub struct Correlations {
     /// Per side and channel, A_sᵀ y^p: N values.
     pub rhs: [[Vec<f64>; 3]; 2],
-    /// Σ_p ‖y^p‖² over both patches after the constants are out: twice the objective of the empty map.
+    /// Σ_p ‖y^p‖² over both patches once the nuisances are out: twice the objective of the empty map.
     pub energy: f64,
-    /// Per side and channel, the mean of y over the pixels that count.
-    pub mean: [[f64; 3]; 2],
+    /// Per side and channel, Qᵀ W y^p.
+    nuisance: [[Vec<f64>; 3]; 2],
+    /// W y of one patch.
+    weighted: [Vec<f32>; 3],
+    /// UᵀWy of one patch.
+    coordinates: [DVector<f64>; 3],
 }
 
 /// A measurement that cannot be used.
@@ -62,36 +91,15 @@ pub enum ProjectionError {
 }
 
 impl Projection {
-    /// Centres and masks the columns of `transport` and forms the Gram matrices. `masks` tell, per side and pixel, the ones
-    /// that count.
-    pub fn new(transport: &Transport, masks: [Vec<bool>; 2]) -> Self {
-        let counted = [0, 1].map(|s| masks[s].iter().filter(|&&m| m).count());
-        let facets = transport.left.ncols();
-        let centred = [0, 1].map(|s| {
-            let mut matrix = transport.side(Side::BOTH[s]).clone();
-            let mask = &masks[s];
-            let means: Vec<f64> = matrix
-                .column_iter_mut()
-                .map(|mut column| {
-                    let used = || mask.iter().enumerate().filter(|&(_, &m)| m).map(|(k, _)| k);
-                    let mean = used().map(|k| column[k]).sum::<f64>() / counted[s].max(1) as f64;
-                    for (value, &counts) in column.iter_mut().zip(mask) {
-                        *value = if counts { *value - mean } else { 0.0 };
-                    }
-                    mean
-                })
-                .collect();
-            (matrix, means)
+    /// Weighs, frees of nuisances, scales and factors the columns of `transport`. `weights` has, per side, one weight a
+    /// pixel, row by row from the wall; pixels of weight 0 do not count at all.
+    pub fn new(transport: &Transport, weights: &[Vec<f64>; 2], nuisance: &Nuisance, columns: Columns) -> Self {
+        let sides = [0, 1].map(|s| {
+            let weighted = weigh(transport.side(Side::BOTH[s]), &weights[s]);
+            ProjectedSide::new(weighted, &weights[s], nuisance.side(s), columns)
         });
-        let [left, right] = centred;
-        Self {
-            gram: [gram(&left.0), gram(&right.0)],
-            columns: [&left.0, &right.0].map(|m| m.iter().map(|&v| v as f32).collect()),
-            means: [left.1, right.1],
-            masks,
-            counted,
-            facets,
-        }
+        let gram = [&sides[0], &sides[1]].map(|side| gram(&side.core));
+        Self { facets: transport.left.ncols(), sides, gram }
     }
 
     /// Number of facets, N.
@@ -99,108 +107,346 @@ impl Projection {
         self.facets
     }
 
-    /// AᵀA of the left and the right side, constants projected out: N x N each.
+    /// Per side, the number of products that a frame costs.
+    pub fn rank(&self) -> [usize; 2] {
+        [0, 1].map(|s| self.sides[s].nuisances + self.sides[s].core.nrows())
+    }
+
+    /// AᵀA of the left and the right side: N x N each.
     pub fn gram(&self) -> &[DMatrix<f64>; 2] {
         &self.gram
     }
 
-    /// Per side, the pixels that count, row by row from the wall.
-    pub fn masks(&self) -> &[Vec<bool>; 2] {
-        &self.masks
+    /// Per side and facet, the radiance of a facet of intensity 1; 0 for a facet that lights no pixel.
+    pub fn radiance(&self) -> [&[f64]; 2] {
+        [0, 1].map(|s| self.sides[s].scale.as_slice())
     }
 
     /// Room for the result of [`Projection::project`].
     pub fn correlations(&self) -> Correlations {
-        let zeros = || std::array::from_fn(|_| vec![0.0; self.facets]);
-        Correlations { rhs: [zeros(), zeros()], energy: 0.0, mean: [[0.0; 3]; 2] }
+        let zeros = |n: usize| std::array::from_fn(|_| vec![0.0; n]);
+        Correlations {
+            rhs: [zeros(self.facets), zeros(self.facets)],
+            energy: 0.0,
+            nuisance: [0, 1].map(|s| zeros(self.sides[s].nuisances)),
+            weighted: std::array::from_fn(|_| vec![0.0; self.sides[0].weights.len()]),
+            coordinates: std::array::from_fn(|_| {
+                DVector::zeros(self.sides.iter().map(|side| side.core.nrows()).max().unwrap_or(0))
+            }),
+        }
     }
 
-    /// Computes Aᵀy of a difference measurement into `out`.
+    /// Computes Aᵀy of a difference measurement into `out`. Allocates nothing.
     pub fn project(&self, difference: &PatchPair, out: &mut Correlations) -> Result<(), ProjectionError> {
         out.energy = 0.0;
         for (s, side) in Side::BOTH.into_iter().enumerate() {
-            let patch = difference.side(side);
-            let mask = &self.masks[s];
-            if patch.pixels() != mask.len() {
-                let expected = mask.len().isqrt();
-                return Err(ProjectionError::Size { got: patch.size(), expected });
+            let (patch, projected) = (difference.side(side), &self.sides[s]);
+            let pixels = projected.weights.len();
+            if patch.pixels() != pixels {
+                return Err(ProjectionError::Size { got: patch.size(), expected: pixels.isqrt() });
             }
-            for channel in 0..3 {
-                let plane = patch.plane(channel);
-                let (mut sum, mut squares) = (0.0, 0.0);
-                for (k, (&value, &counts)) in plane.iter().zip(mask).enumerate() {
-                    if !counts {
-                        continue;
+            let mut energy = 0.0;
+            for (channel, weighted) in out.weighted.iter_mut().enumerate() {
+                let bad = |k: usize| ProjectionError::NotFinite {
+                    side: side.name(),
+                    row: k / patch.size(),
+                    column: k % patch.size(),
+                    channel: ["red", "green", "blue"][channel],
+                };
+                energy += weigh_plane(patch.plane(channel), &projected.weights, weighted).map_err(bad)?;
+            }
+            for (k, vector) in projected.basis.chunks_exact(pixels).enumerate() {
+                let products = dot3(vector, &out.weighted);
+                for (channel, product) in products.into_iter().enumerate() {
+                    match k.checked_sub(projected.nuisances) {
+                        None => {
+                            energy -= product * product;
+                            out.nuisance[s][channel][k] = product;
+                        }
+                        Some(k) => out.coordinates[channel][k] = product,
                     }
-                    if !value.is_finite() {
-                        return Err(ProjectionError::NotFinite {
-                            side: side.name(),
-                            row: k / patch.size(),
-                            column: k % patch.size(),
-                            channel: ["red", "green", "blue"][channel],
-                        });
-                    }
-                    sum += f64::from(value);
-                    squares += f64::from(value).powi(2);
                 }
-                let mean = sum / self.counted[s].max(1) as f64;
-                out.mean[s][channel] = mean;
-                out.energy += (squares - sum * mean).max(0.0);
             }
-            let planes = [patch.plane(0), patch.plane(1), patch.plane(2)];
-            for (n, column) in self.columns[s].chunks_exact(mask.len()).enumerate() {
-                let products = dot3(column, planes);
-                for (channel, &product) in products.iter().enumerate() {
-                    out.rhs[s][channel][n] = product;
+            out.energy += energy.max(0.0);
+            let rank = projected.core.nrows();
+            for (rhs, coordinates) in out.rhs[s].iter_mut().zip(&out.coordinates) {
+                for (rhs, column) in rhs.iter_mut().zip(projected.core.column_iter()) {
+                    *rhs = column.dot(&coordinates.rows(0, rank));
                 }
             }
         }
         Ok(())
     }
 
-    /// b of eq. 12 for a solution's views X_s = diag(c_s) v: per side and channel, the least-squares constant.
-    pub fn illumination(&self, correlations: &Correlations, views: [&[[f64; 3]]; 2]) -> [[f64; 3]; 2] {
-        std::array::from_fn(|s| {
-            std::array::from_fn(|p| {
-                let explained: f64 = self.means[s].iter().zip(views[s]).map(|(mean, rgb)| mean * rgb[p]).sum();
-                correlations.mean[s][p] - explained
-            })
+    /// The mean over each patch of what the nuisances explain once the facets' light is taken away, per side and channel:
+    /// with the constant as the only nuisance, b of eq. 12. `intensities(s, n)` is X_sn = c_sn v_n.
+    pub fn illumination(
+        &self,
+        correlations: &Correlations,
+        intensities: impl Fn(usize, usize) -> [f64; 3],
+    ) -> [[f64; 3]; 2] {
+        [0, 1].map(|s| {
+            let side = &self.sides[s];
+            let mut explained = [0.0; 3];
+            for (q, mean) in side.means.iter().enumerate() {
+                let mut strength = [0, 1, 2].map(|p| correlations.nuisance[s][p][q]);
+                for n in 0..self.facets {
+                    let x = intensities(s, n);
+                    strength.iter_mut().zip(x).for_each(|(strength, x)| *strength -= side.absorbed[(q, n)] * x);
+                }
+                explained.iter_mut().zip(strength).for_each(|(sum, strength)| *sum += mean * strength);
+            }
+            explained
         })
     }
 }
 
-/// The products of one column with three planes. A pixel that does not count has a zero in the column, but NaN x 0 is NaN:
-/// such pixels must have been refused or be finite.
-fn dot3(column: &[f32], planes: [&[f32]; 3]) -> [f64; 3] {
-    planes.map(|plane| {
-        column
-            .chunks(BLOCK)
-            .zip(plane.chunks(BLOCK))
-            .map(|(a, y)| {
-                // Eight running sums, so that the compiler may use vector registers.
-                let mut lanes = [0.0_f32; 8];
-                let (a8, y8) = (a.chunks_exact(8), y.chunks_exact(8));
-                let rest: f32 = a8.remainder().iter().zip(y8.remainder()).map(|(a, y)| a * y).sum();
-                for (a, y) in a8.zip(y8) {
-                    for k in 0..8 {
-                        lanes[k] += a[k] * y[k];
-                    }
-                }
-                f64::from(lanes.iter().sum::<f32>() + rest)
-            })
-            .sum()
-    })
+impl ProjectedSide {
+    fn new(mut matrix: DMatrix<f64>, weights: &[f64], nuisances: &[Vec<f64>], columns: Columns) -> Self {
+        let q = orthonormal(nuisances, weights);
+        let mut absorbed = DMatrix::zeros(q.len(), matrix.ncols());
+        let mut scale = vec![1.0; matrix.ncols()];
+        let whole: Vec<f64> = matrix.column_iter().map(|c| c.norm()).collect();
+        for (n, mut column) in matrix.column_iter_mut().enumerate() {
+            for (k, vector) in q.iter().enumerate() {
+                absorbed[(k, n)] = vector.dot(&column);
+                column.axpy(-absorbed[(k, n)], vector, 1.0);
+            }
+            let norm = column.norm();
+            // What is all nuisance, but for rounding, cannot be seen.
+            let seen = norm > 1e-9 * whole[n] && norm > 0.0;
+            scale[n] = match columns {
+                _ if !seen => 0.0,
+                Columns::Radiance => 1.0,
+                Columns::UnitNorm => norm.recip(),
+            };
+            column.scale_mut(scale[n]);
+            absorbed.column_mut(n).scale_mut(scale[n]);
+        }
+        let LowRank { basis, core } = LowRank::new(&matrix);
+        let all = q.iter().flat_map(|v| v.iter()).chain(basis.iter());
+        let counted = weights.iter().filter(|&&w| w > 0.0).count().max(1) as f64;
+        let unweighted = |v: &DVector<f64>| {
+            v.iter().zip(weights).filter(|&(_, &w)| w > 0.0).map(|(v, w)| v / w).sum::<f64>() / counted
+        };
+        Self {
+            weights: weights.iter().map(|&w| w as f32).collect(),
+            basis: all.map(|&v| v as f32).collect(),
+            nuisances: q.len(),
+            means: q.iter().map(unweighted).collect(),
+            core,
+            absorbed,
+            scale,
+        }
+    }
 }
 
-/// MᵀM, columns in parallel.
-fn gram(matrix: &DMatrix<f64>) -> DMatrix<f64> {
-    let n = matrix.ncols();
+/// W A.
+fn weigh(matrix: &DMatrix<f64>, weights: &[f64]) -> DMatrix<f64> {
+    let mut weighted = matrix.clone();
+    for mut column in weighted.column_iter_mut() {
+        column.iter_mut().zip(weights).for_each(|(value, weight)| *value *= weight);
+    }
+    weighted
+}
+
+/// Writes W y into `out` and returns ‖W y‖²; the index of a pixel that counts and is not finite otherwise.
+fn weigh_plane(plane: &[f32], weights: &[f32], out: &mut [f32]) -> Result<f64, usize> {
+    let mut energy = 0.0;
+    for (k, ((&value, &weight), out)) in plane.iter().zip(weights).zip(out).enumerate() {
+        *out = if weight > 0.0 { weight * value } else { 0.0 };
+        if !out.is_finite() {
+            return Err(k);
+        }
+        energy += f64::from(*out).powi(2);
+    }
+    Ok(energy)
+}
+
+/// An orthonormal basis of the weighted nuisances; those that the ones before them explain are left out.
+fn orthonormal(nuisances: &[Vec<f64>], weights: &[f64]) -> Vec<DVector<f64>> {
+    let mut basis: Vec<DVector<f64>> = Vec::new();
+    for pattern in nuisances {
+        let mut vector = DVector::from_iterator(weights.len(), pattern.iter().zip(weights).map(|(p, w)| p * w));
+        let whole = vector.norm();
+        // Twice: one pass leaves rounding errors of nearly parallel patterns.
+        for known in basis.iter().chain(basis.iter()) {
+            let share = known.dot(&vector);
+            vector.axpy(-share, known, 1.0);
+        }
+        let norm = vector.norm();
+        if norm > 1e-6 * whole {
+            basis.push(vector / norm);
+        }
+    }
+    basis
+}
+
+/// The products of one vector with three planes, which share its passage through the processor's caches.
+fn dot3(a: &[f32], planes: &[Vec<f32>; 3]) -> [f64; 3] {
+    const LANES: usize = 8;
+    let [b0, b1, b2] = planes;
+    let mut sums = [0.0_f64; 3];
+    for (((a, b0), b1), b2) in a.chunks(BLOCK).zip(b0.chunks(BLOCK)).zip(b1.chunks(BLOCK)).zip(b2.chunks(BLOCK)) {
+        // Running sums side by side, so that the compiler may use vector registers.
+        let mut lanes = [[0.0_f32; LANES]; 3];
+        let whole = a.len() / LANES * LANES;
+        for k in (0..whole).step_by(LANES) {
+            for (lanes, b) in lanes.iter_mut().zip([b0, b1, b2]) {
+                for ((lane, a), b) in lanes.iter_mut().zip(&a[k..k + LANES]).zip(&b[k..k + LANES]) {
+                    *lane += a * b;
+                }
+            }
+        }
+        for ((sum, lanes), b) in sums.iter_mut().zip(lanes).zip([b0, b1, b2]) {
+            let rest: f32 = a[whole..].iter().zip(&b[whole..]).map(|(a, b)| a * b).sum();
+            *sum += f64::from(lanes.iter().sum::<f32>() + rest);
+        }
+    }
+    sums
+}
+
+/// CᵀC, columns in parallel.
+fn gram(core: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = core.ncols();
     let mut product = DMatrix::zeros(n, n);
     product.as_mut_slice().par_chunks_mut(n.max(1)).enumerate().for_each(|(j, out)| {
-        let column = matrix.column(j);
+        let column = core.column(j);
         for (i, value) in out.iter_mut().enumerate() {
-            *value = matrix.column(i).dot(&column);
+            *value = core.column(i).dot(&column);
         }
     });
     product
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Doorway, FacetGrid, GridSpec};
+    use crate::transport::{Kernel, PatchGrid, PixelLayout, TransportSpec};
+
+    const SIZE: usize = 32;
+
+    fn transport() -> Transport {
+        let doorway = Doorway { width_m: 0.6, wall_thickness_m: 0.05, height_m: None };
+        let grid = FacetGrid::new(&doorway, &GridSpec { intervals: 30, ..GridSpec::published() }).unwrap();
+        let patch = PatchGrid { size: SIZE, fov_m: 0.3, layout: PixelLayout::Cells };
+        Transport::new(
+            &doorway,
+            &grid.facets,
+            &TransportSpec { kernel: Kernel::Radiometric, facet_height_m: 2.0, patch },
+        )
+    }
+
+    /// Reproducible numbers in −1 .. 1.
+    fn noise(seed: u64) -> impl Iterator<Item = f64> {
+        (1u64..).map(move |k| {
+            let mut x = k.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed.wrapping_mul(0xd1b5_4a32_d192_ed03);
+            x ^= x >> 29;
+            x = x.wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        })
+    }
+
+    fn measurement() -> PatchPair {
+        let mut pair = PatchPair::zeros(SIZE);
+        for (seed, patch) in [&mut pair.left, &mut pair.right].into_iter().enumerate() {
+            for (k, (value, noise)) in patch.data_mut().iter_mut().zip(noise(seed as u64)).enumerate() {
+                *value = (0.01 * noise + 0.02 * (k as f64 / 500.0).sin() + 0.05) as f32;
+            }
+        }
+        pair
+    }
+
+    /// The formulas of the documentation, literally: residuals of a least-squares fit of the nuisances, column by column.
+    #[test]
+    fn the_fast_product_is_the_literal_one() {
+        let transport = transport();
+        let pixels = SIZE * SIZE;
+        let weights = [7u64, 8].map(|seed| {
+            noise(seed).take(pixels).enumerate().map(|(k, v)| if k % 17 == 0 { 0.0 } else { 1.0 + 0.3 * v }).collect()
+        });
+        let patterns = [9u64, 10].map(|seed| {
+            let slope = (0..pixels).map(|k| 0.4 + 0.1 * (k % SIZE) as f64 / SIZE as f64);
+            vec![vec![1.0; pixels], slope.zip(noise(seed)).map(|(s, v)| s + 0.01 * v).collect()]
+        });
+        let nuisance = Nuisance::new(patterns.clone());
+        let y = measurement();
+        for columns in [Columns::Radiance, Columns::UnitNorm] {
+            let projection = Projection::new(&transport, &weights, &nuisance, columns);
+            let mut fast = projection.correlations();
+            projection.project(&y, &mut fast).unwrap();
+            let mut energy = 0.0;
+            for (s, side) in Side::BOTH.into_iter().enumerate() {
+                let w = DVector::from_vec(weights[s].clone());
+                let q = DMatrix::from_fn(pixels, 2, |k, j| patterns[s][j][k] * w[k]);
+                let normal = (q.transpose() * &q).try_inverse().unwrap();
+                let residual = |v: DVector<f64>| &v - &q * (&normal * (q.transpose() * &v));
+                let a = transport.side(side);
+                let clean: Vec<DVector<f64>> =
+                    (0..a.ncols()).map(|n| residual(a.column(n).component_mul(&w))).collect();
+                for p in 0..3 {
+                    let plane = DVector::from_iterator(pixels, y.side(side).plane(p).iter().map(|&v| f64::from(v)));
+                    let clean_y = residual(plane.component_mul(&w));
+                    energy += clean_y.norm_squared();
+                    let size = clean_y.norm();
+                    for (n, column) in clean.iter().enumerate() {
+                        let scale = if columns == Columns::UnitNorm { column.norm().recip() } else { 1.0 };
+                        let literal = column.dot(&clean_y) * scale;
+                        let error = (fast.rhs[s][p][n] - literal).abs() / (size * column.norm() * scale);
+                        assert!(error < 2e-5, "{columns:?} {side:?} {p} {n}: {} {literal}", fast.rhs[s][p][n]);
+                    }
+                }
+                for (i, a) in clean.iter().enumerate() {
+                    for (j, b) in clean.iter().enumerate().step_by(7) {
+                        let scale = if columns == Columns::UnitNorm { (a.norm() * b.norm()).recip() } else { 1.0 };
+                        let error =
+                            (projection.gram()[s][(i, j)] - a.dot(b) * scale).abs() / (a.norm() * b.norm() * scale);
+                        assert!(error < 1e-6, "{columns:?} Gram {i} {j}");
+                    }
+                }
+            }
+            assert!((fast.energy - energy).abs() < 1e-5 * energy, "{} {energy}", fast.energy);
+        }
+    }
+
+    #[test]
+    fn with_the_constant_alone_the_illumination_is_b_of_equation_12() {
+        let transport = transport();
+        let weights = [vec![1.0; SIZE * SIZE], vec![1.0; SIZE * SIZE]];
+        let projection = Projection::new(&transport, &weights, &Nuisance::constant(SIZE * SIZE), Columns::Radiance);
+        let b = [[0.01, -0.02, 0.03], [-0.04, 0.05, 0.06]];
+        let x = |s: usize, n: usize| if n == 40 { [0.3, 0.1, 0.2 + s as f64] } else { [0.0; 3] };
+        let mut y = PatchPair::zeros(SIZE);
+        for (s, side) in Side::BOTH.into_iter().enumerate() {
+            for p in 0..3 {
+                let light = transport.side(side).column(40) * x(s, 40)[p];
+                let plane = y.side_mut(side).plane_mut(p);
+                plane.iter_mut().zip(light.iter()).for_each(|(y, light)| *y = (light + b[s][p]) as f32);
+            }
+        }
+        let mut correlations = projection.correlations();
+        projection.project(&y, &mut correlations).unwrap();
+        let found = projection.illumination(&correlations, x);
+        for s in 0..2 {
+            for p in 0..3 {
+                assert!((found[s][p] - b[s][p]).abs() < 1e-6, "{found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn values_that_are_no_numbers_are_refused_with_their_place_unless_they_do_not_count() {
+        let mut weights = [vec![1.0; SIZE * SIZE], vec![1.0; SIZE * SIZE]];
+        weights[1][5] = 0.0;
+        let projection = Projection::new(&transport(), &weights, &Nuisance::constant(SIZE * SIZE), Columns::UnitNorm);
+        let mut out = projection.correlations();
+        let mut y = measurement();
+        y.right.plane_mut(2)[5] = f32::NAN;
+        projection.project(&y, &mut out).unwrap();
+        assert!(out.rhs.iter().flatten().flatten().all(|v| v.is_finite()));
+        y.right.plane_mut(1)[2 * SIZE + 3] = f32::INFINITY;
+        let error = projection.project(&y, &mut out).unwrap_err().to_string();
+        assert_eq!(error, "right patch, row 2, column 3: the green value is not a finite number");
+    }
 }

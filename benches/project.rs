@@ -1,0 +1,30 @@
+//! A frame's way to the Gram system: Aᵀy of both patches, 64 x 64 pixels, N = 230, one core.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use doorcam::geometry::{Doorway, FacetGrid, GridSpec};
+use doorcam::measurement::{PatchPair, edge_foot_mask};
+use doorcam::solver::{Columns, Nuisance, Projection};
+use doorcam::transport::{Kernel, PatchGrid, PixelLayout, Transport, TransportSpec};
+
+fn project(c: &mut Criterion) {
+    let doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None };
+    let Ok(grid) = FacetGrid::new(&doorway, &GridSpec::published()) else { return };
+    let patch = PatchGrid { size: 64, fov_m: 0.3, layout: PixelLayout::Cells };
+    let spec = TransportSpec { kernel: Kernel::Radiometric, facet_height_m: 2.0, patch };
+    let transport = Transport::new(&doorway, &grid.facets, &spec);
+    let weights = edge_foot_mask(&patch).iter().map(|&m| f64::from(u8::from(m))).collect::<Vec<_>>();
+    let nuisance = Nuisance::constant(patch.pixels());
+    let projection = Projection::new(&transport, &[weights.clone(), weights], &nuisance, Columns::UnitNorm);
+    let mut y = PatchPair::zeros(64);
+    for (k, value) in y.left.data_mut().iter_mut().enumerate() {
+        *value = 0.01 * (k as f32 * 0.37).sin();
+    }
+    let mut out = projection.correlations();
+    println!("products a frame: {:?}", projection.rank());
+    c.bench_function("project", |b| b.iter(|| projection.project(black_box(&y), &mut out)));
+}
+
+criterion_group!(benches, project);
+criterion_main!(benches);
