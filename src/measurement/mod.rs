@@ -3,6 +3,7 @@
 mod background;
 mod homography;
 mod mask;
+mod noise;
 mod patch;
 mod radiometry;
 mod rectify;
@@ -11,6 +12,7 @@ mod resample;
 pub use background::Background;
 pub use homography::{Homography, HomographyError};
 pub use mask::edge_foot_mask;
+pub use noise::{NoiseModel, drift_patterns};
 pub use patch::{Patch, PatchPair};
 pub use radiometry::{Decoding, LightTable, Transfer, srgb_to_linear};
 pub use rectify::{CameraRectifier, PatchRectifier, WrongSize};
