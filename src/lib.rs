@@ -17,6 +17,7 @@ pub mod pipeline;
 pub mod render;
 pub mod scene;
 pub mod server;
+pub mod simulation;
 pub mod solver;
 pub mod source;
 pub mod transport;
