@@ -1,6 +1,7 @@
 //! The command line: one file a subcommand.
 
 mod check_config;
+mod demo;
 mod import;
 mod reconstruct;
 mod serve;
@@ -33,6 +34,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Demo(demo::Arguments),
     Serve(serve::Arguments),
     Reconstruct(reconstruct::Arguments),
     Import(import::Arguments),
@@ -77,6 +79,7 @@ pub(crate) fn run() -> ExitCode {
         .with_target(false)
         .init();
     let result = match arguments.command {
+        Command::Demo(arguments) => demo::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
