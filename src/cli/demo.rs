@@ -1,10 +1,13 @@
-use std::io::IsTerminal;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
+use doorcam::config::Config;
 use doorcam::simulation::{Scenario, write_recording};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use doorcam::source::{Pace, ReplayOptions};
+
+use super::progress;
+use super::serve::serve;
 
 /// Show a simulated doorway, live, with the page: no camera needed
 ///
@@ -45,13 +48,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         }
     };
     record(&directory, arguments.seed)?;
-    serve(&directory, arguments.listen)
-}
-
-fn serve(recording: &Path, listen: Option<SocketAddr>) -> anyhow::Result<()> {
-    // serve
-    let _ = listen;
-    bail!("{}: this version cannot show it live; give --only-record DIR", recording.display())
+    let looped = ReplayOptions { pace: Pace::Recorded, looped: true };
+    serve(&Config::default(), &directory, looped, "demo", arguments.listen)
 }
 
 fn record(directory: &Path, seed: u64) -> anyhow::Result<()> {
@@ -66,12 +64,4 @@ fn record(directory: &Path, seed: u64) -> anyhow::Result<()> {
         directory.display()
     );
     Ok(())
-}
-
-fn progress(frames: u64) -> ProgressBar {
-    let target =
-        if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-    let style = ProgressStyle::with_template("{bar:32} {pos}/{len} frames  {per_sec}  {eta} left");
-    let bar = ProgressBar::with_draw_target(Some(frames), target);
-    style.map(|style| bar.clone().with_style(style)).unwrap_or(bar)
 }

@@ -13,6 +13,7 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::{Parser, Subcommand};
 use doorcam::config::{Config, Preset, parse_lambda};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tracing_subscriber::EnvFilter;
 
 /// See who moves in the room behind a doorway, from the light that falls on the floor in front of it.
@@ -99,6 +100,15 @@ pub(crate) fn run() -> ExitCode {
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
     let broken = |e: &std::io::Error| e.kind() == std::io::ErrorKind::BrokenPipe;
     error.chain().any(|cause| cause.downcast_ref().is_some_and(broken))
+}
+
+/// A progress bar on a terminal; nothing elsewhere.
+fn progress(frames: u64) -> ProgressBar {
+    let target =
+        if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let style = ProgressStyle::with_template("{bar:32} {pos}/{len} frames  {per_sec}  {eta} left");
+    let bar = ProgressBar::with_draw_target(Some(frames), target);
+    style.map(|style| bar.clone().with_style(style)).unwrap_or(bar)
 }
 
 /// Opens a recording and says which keys of its manifest mean nothing to this version.

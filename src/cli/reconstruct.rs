@@ -1,4 +1,4 @@
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -6,10 +6,9 @@ use anyhow::{Context, bail};
 use doorcam::pipeline::{Model, Published, StepError};
 use doorcam::render;
 use doorcam::source::recording::Entry;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use jiff::{SignedDuration, Timestamp};
 
-use super::{ModelOptions, engine, open_recording};
+use super::{ModelOptions, engine, open_recording, progress};
 
 /// Reconstruct a recording's frames: one update a line on stdout, pictures in a directory
 ///
@@ -62,7 +61,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let (mut engine, model) = engine(&config, &recording, false)?;
     let pictures = arguments.output.as_deref().map(|dir| Pictures::new(dir, &recording.path)).transpose()?;
-    let progress = progress(entries.len());
+    let progress = progress(entries.len() as u64);
     let mut skipped = 0;
     let mut stdout = std::io::stdout().lock();
     for entry in entries {
@@ -98,14 +97,6 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
 fn recording_time(seconds: f64) -> Timestamp {
     let offset = SignedDuration::try_from_secs_f64(seconds).unwrap_or_default();
     Timestamp::UNIX_EPOCH.checked_add(offset).unwrap_or_default()
-}
-
-fn progress(frames: usize) -> ProgressBar {
-    let target =
-        if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-    let style = ProgressStyle::with_template("{bar:32} {pos}/{len} frames  {per_sec}  {eta} left");
-    let bar = ProgressBar::with_draw_target(Some(frames as u64), target);
-    style.map(|style| bar.clone().with_style(style)).unwrap_or(bar)
 }
 
 /// Where pictures go.

@@ -419,10 +419,10 @@ mod tests {
         let x = |s: usize, n: usize| if n == 40 { [0.3, 0.1, 0.2 + s as f64] } else { [0.0; 3] };
         let mut y = PatchPair::zeros(SIZE);
         for (s, side) in Side::BOTH.into_iter().enumerate() {
-            for p in 0..3 {
+            for (p, b) in b[s].into_iter().enumerate() {
                 let light = transport.side(side).column(40) * x(s, 40)[p];
                 let plane = y.side_mut(side).plane_mut(p);
-                plane.iter_mut().zip(light.iter()).for_each(|(y, light)| *y = (light + b[s][p]) as f32);
+                plane.iter_mut().zip(light.iter()).for_each(|(y, light)| *y = (light + b) as f32);
             }
         }
         let mut correlations = projection.correlations();
