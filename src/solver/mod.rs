@@ -9,6 +9,7 @@
 //! one angle ([`facet`]); [`Solver`] descends over facets.
 
 mod descent;
+mod dual;
 pub mod facet;
 mod low_rank;
 mod nuisance;
