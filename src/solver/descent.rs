@@ -1,224 +1,254 @@
 use nalgebra::DMatrix;
 
-use super::facet::{Admissible, Pair};
+use super::active::{Active, Planes, Point, lit, pair, product, rank_one};
+use super::dual::dual_norm_above;
+use super::facet::Admissible;
+use super::newton::Newton;
 use super::projection::Correlations;
+use super::solution::{Limits, Solution, Start};
+use super::stationarity::violation;
 use crate::scene::Intensity;
 
-/// When to stop.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
-    /// Stop when a sweep over the active facets lowers the objective by less than this fraction of it.
-    pub tolerance: f64,
-    /// Stop after this many sweeps in all, with the best point so far.
-    pub sweeps: usize,
+/// A facet wants a second light if its dual norm exceeds λ by this share: by less, it may be rounding.
+const SECOND: f64 = 1e-6;
+
+/// A fall of the objective by less than this share of it is no progress.
+const STILL: f64 = 1e-12;
+
+/// A rough settlement ends when a sweep and a Newton step lower the objective by less than this share of it.
+const ROUGH: f64 = 1e-3;
+
+/// Dark facets that enter at once at most.
+const AT_ONCE: usize = 3;
+
+/// How far to descend before facets may enter again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Effort {
+    /// Until progress slows: facets are still missing.
+    Rough,
+    /// To the tolerance.
+    Full,
 }
 
-impl Default for Limits {
-    fn default() -> Self {
-        Self { tolerance: 1e-7, sweeps: 4000 }
-    }
-}
-
-/// A stationary point of eq. 13.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Solution {
-    /// (c_L, c_R) and v of each facet.
-    pub intensities: Vec<Intensity>,
-    /// The penalty's weight.
-    pub lambda: f64,
-    /// Data term: half the squared residual.
-    pub data: f64,
-    /// λ Σ ‖c_n‖.
-    pub penalty: f64,
-    /// Lower bound on the objective of every admissible point, by duality: a small gap proves the solution, a large one
-    /// says only that it is not proven.
-    pub bound: f64,
-    /// Sweeps over facets that it took.
-    pub sweeps: usize,
-    /// Whether it started from an earlier solution.
-    pub warm: bool,
-    /// Whether it stopped at the cap on sweeps rather than at the tolerance.
-    pub capped: bool,
-}
-
-impl Solution {
-    /// The value of eq. 13.
-    pub fn objective(&self) -> f64 {
-        self.data + self.penalty
-    }
-}
-
-/// Block descent over facets: each step is the exact minimiser over one facet's (c, v).
+/// Descends on eq. 13: exact minimisers facet by facet find out which facets have light and what is at its bound, Newton's
+/// steps on all of these at once converge. Dark facets enter a few at a time.
 #[derive(Debug, Clone)]
 pub struct Solver {
     gram: [DMatrix<f64>; 2],
     admissible: Vec<Admissible>,
+    weights: Vec<f64>,
 }
 
-/// The point that moves, and what is kept up to date with it.
-struct State {
-    intensities: Vec<Intensity>,
-    /// Per side, channel and facet: A_snᵀ r_s^p with r the residual at the point.
-    correlations: [[Vec<f64>; 3]; 2],
+/// Room for a solve, to be used again: with it, a solve allocates nothing.
+#[derive(Debug, Clone)]
+pub struct Workspace {
+    /// Aᵀr for all facets.
+    correlations: Planes,
+    /// Per facet, the dual norm of its correlations, or an upper bound of it where that is at most λ w_n.
+    dual: Vec<f64>,
+    wanting: Vec<(f64, usize)>,
+    active: Active,
+    point: Point,
+    newton: Newton,
 }
 
 impl Solver {
     /// For the Gram matrices of the left and right side and each facet's admissible set.
     pub fn new(gram: &[DMatrix<f64>; 2], admissible: Vec<Admissible>) -> Self {
-        Self { gram: gram.clone(), admissible }
+        let weights = vec![1.0; admissible.len()];
+        Self { gram: gram.clone(), admissible, weights }
+    }
+
+    /// With the penalty λ Σ w_n ‖c_n‖; the weights are positive, 1 without this.
+    pub fn with_weights(self, weights: Vec<f64>) -> Self {
+        Self { weights, ..self }
+    }
+
+    /// Room for [`Solver::solve_into`].
+    pub fn workspace(&self) -> Workspace {
+        let n = self.admissible.len();
+        Workspace {
+            correlations: [0, 1].map(|_| [0, 1, 2].map(|_| vec![0.0; n])),
+            dual: vec![0.0; n],
+            wanting: Vec::with_capacity(n),
+            active: Active::with_capacity(n),
+            point: Point::with_capacity(n),
+            newton: Newton::with_capacity(n),
+        }
     }
 
     /// The smallest λ with an empty map.
     pub fn lambda_max(&self, frame: &Correlations) -> f64 {
-        (0..self.admissible.len()).map(|n| self.admissible[n].dual_norm(&pair(&frame.rhs, n))).fold(0.0, f64::max)
+        (0..self.admissible.len())
+            .map(|n| self.admissible[n].dual_norm(&pair(&frame.rhs, n)) / self.weights[n])
+            .fold(0.0, f64::max)
     }
 
-    /// Descends from `start` (from the empty map without one).
+    /// [`Solver::solve_into`] with room of its own, from `start` or from the empty map without one.
     pub fn solve(&self, frame: &Correlations, lambda: f64, limits: Limits, start: Option<&Solution>) -> Solution {
-        let n = self.admissible.len();
-        let mut state = State { intensities: vec![Intensity::default(); n], correlations: frame.rhs.clone() };
-        let warm = start.filter(|s| s.intensities.len() == n);
-        if let Some(start) = warm {
-            for (k, &intensity) in start.intensities.iter().enumerate() {
-                self.set(&mut state, k, intensity);
-            }
-        }
-        let mut active: Vec<usize> = (0..n).filter(|&k| state.intensities[k] != Intensity::default()).collect();
-        let mut sweeps = 0;
-        let capped = loop {
-            let entered = self.enter(&state, lambda, &mut active);
-            if !entered {
-                break false;
-            }
-            if !self.settle(&mut state, frame, lambda, limits, &mut active, &mut sweeps) {
-                break true;
-            }
-        };
-        let (data, penalty) = self.terms(&state, frame, lambda);
-        let bound = self.bound(&state, frame, lambda, data);
-        Solution { intensities: state.intensities, lambda, data, penalty, bound, sweeps, warm: warm.is_some(), capped }
+        let mut solution = start.cloned().unwrap_or_default();
+        let from = if start.is_some() { Start::Previous } else { Start::Empty };
+        self.solve_into(frame, lambda, limits, from, &mut self.workspace(), &mut solution);
+        solution
     }
 
-    /// The dual objective s⟨y, r⟩ − ½ s²‖r‖² at the residual scaled by the largest s that keeps every facet's dual norm
-    /// at most λ (and at most the best s).
-    fn bound(&self, state: &State, frame: &Correlations, lambda: f64, data: f64) -> f64 {
-        let r2 = 2.0 * data;
-        if r2 <= 0.0 {
-            return 0.0;
-        }
-        let explained: f64 = (state.intensities.iter().enumerate())
-            .flat_map(|(n, i)| [(0, i.left), (1, i.right)].map(|(s, c)| (n, s, c, i.colour)))
-            .map(|(n, s, c, v)| (0..3).map(|p| c * v[p] * frame.rhs[s][p][n]).sum::<f64>())
-            .sum();
-        let y_r = frame.energy - explained;
-        let largest = (0..self.admissible.len())
-            .map(|n| self.admissible[n].dual_norm(&pair(&state.correlations, n)))
-            .fold(0.0, f64::max);
-        let feasible = if largest > 0.0 { lambda / (largest * (1.0 + 1e-9)) } else { f64::INFINITY };
-        let s = (y_r / r2).min(feasible).max(0.0);
-        s * y_r - 0.5 * s * s * r2
-    }
-
-    /// Adds the dark facets that want light most to the active ones; false if none does.
-    fn enter(&self, state: &State, lambda: f64, active: &mut Vec<usize>) -> bool {
-        // A few at a time: the strongest ones usually explain what made the others want light.
-        const AT_ONCE: usize = 3;
-        let mut wanting: Vec<(f64, usize)> = (0..self.admissible.len())
-            .filter(|&n| state.intensities[n] == Intensity::default())
-            .map(|n| (self.admissible[n].dual_norm(&pair(&state.correlations, n)), n))
-            .filter(|&(norm, _)| norm > lambda * (1.0 + 1e-6))
-            .collect();
-        wanting.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        let new = wanting.iter().take(AT_ONCE).map(|&(_, n)| n).filter(|n| !active.contains(n)).collect::<Vec<_>>();
-        active.extend(&new);
-        !new.is_empty()
-    }
-
-    /// Sweeps over the active facets until the objective stands still; false if the sweeps ran out.
-    fn settle(
+    /// Descends to a stationary point and puts it into `solution`.
+    pub fn solve_into(
         &self,
-        state: &mut State,
         frame: &Correlations,
         lambda: f64,
         limits: Limits,
-        active: &mut Vec<usize>,
-        sweeps: &mut usize,
-    ) -> bool {
+        start: Start,
+        work: &mut Workspace,
+        solution: &mut Solution,
+    ) {
+        let n = self.admissible.len();
+        solution.warm = start == Start::Previous && solution.intensities.len() == n;
+        if !solution.warm {
+            solution.intensities.clear();
+            solution.intensities.resize(n, Intensity::default());
+        }
+        solution.lambda = lambda;
+        solution.sweeps = 0;
+        solution.capped = false;
+        work.newton.reset();
+        let mut effort = Effort::Rough;
+        if solution.warm {
+            work.active.facets.clear();
+            work.active.facets.extend((0..n).filter(|&k| lit(&solution.intensities[k])));
+            self.settle(frame, lambda, limits, effort, work, solution);
+        }
         loop {
-            if *sweeps >= limits.sweeps {
-                return false;
+            self.correlate(frame, lambda, work, solution);
+            let entered = self.enter(lambda, limits, work, solution);
+            if solution.capped || (effort == Effort::Full && !entered) {
+                break;
             }
-            *sweeps += 1;
-            let fall: f64 = active.iter().map(|&n| self.step(state, n, lambda)).sum();
-            active.retain(|&n| state.intensities[n] != Intensity::default());
-            let (data, penalty) = self.terms(state, frame, lambda);
-            if fall <= limits.tolerance * (data + penalty) {
-                return true;
-            }
+            effort = if entered { Effort::Rough } else { Effort::Full };
+            self.settle(frame, lambda, limits, effort, work, solution);
         }
+        self.certify(frame, lambda, work, solution);
     }
 
-    /// Moves one facet to its exact minimiser; returns by how much the objective fell.
-    fn step(&self, state: &mut State, n: usize, lambda: f64) -> f64 {
-        let energy = [self.gram[0][(n, n)], self.gram[1][(n, n)]];
-        let old = state.intensities[n];
-        let mut g = pair(&state.correlations, n);
-        let c = [old.left, old.right];
-        for (s, side) in g.iter_mut().enumerate() {
-            for (p, value) in side.iter_mut().enumerate() {
-                *value += energy[s] * c[s] * old.colour[p];
-            }
-        }
-        let new = self.admissible[n].minimise(&g, energy, lambda);
-        let fall = local_cost(&old, &g, energy, lambda) - local_cost(&new, &g, energy, lambda);
-        if fall <= 0.0 {
-            return 0.0;
-        }
-        self.set(state, n, new);
-        fall
-    }
-
-    /// Gives facet `n` new values and keeps the correlations up to date.
-    fn set(&self, state: &mut State, n: usize, new: Intensity) {
-        let old = std::mem::replace(&mut state.intensities[n], new);
-        for (s, (c_old, c_new)) in [(old.left, new.left), (old.right, new.right)].into_iter().enumerate() {
-            let column = self.gram[s].column(n);
+    /// Computes all facets' correlations at the solution and their dual norms.
+    fn correlate(&self, frame: &Correlations, lambda: f64, work: &mut Workspace, solution: &Solution) {
+        let lights = || solution.intensities.iter().enumerate().filter(|(_, i)| lit(i));
+        for s in 0..2 {
             for p in 0..3 {
-                let change = c_new * new.colour[p] - c_old * old.colour[p];
-                if change != 0.0 {
-                    for (value, g) in state.correlations[s][p].iter_mut().zip(column.iter()) {
-                        *value -= change * g;
+                let correlations = &mut work.correlations[s][p];
+                correlations.clone_from(&frame.rhs[s][p]);
+                for (n, i) in lights() {
+                    let x = [i.left, i.right][s] * i.colour[p];
+                    for (value, g) in correlations.iter_mut().zip(self.gram[s].column(n).iter()) {
+                        *value -= x * g;
                     }
                 }
             }
         }
+        for (n, dual) in work.dual.iter_mut().enumerate() {
+            *dual = dual_norm_above(self.admissible[n], &pair(&work.correlations, n), lambda * self.weights[n]);
+        }
     }
 
-    /// (data term, penalty) at the point. With z = Aᵀr and w = Aᵀy: ‖y − Ax‖² = ‖y‖² − ⟨x, w + z⟩.
-    fn terms(&self, state: &State, frame: &Correlations, lambda: f64) -> (f64, f64) {
-        let (mut explained, mut norms) = (0.0, 0.0);
-        for (n, i) in state.intensities.iter().enumerate() {
-            if *i == Intensity::default() {
-                continue;
+    /// Puts the facets that have light into play, and the dark ones that want it most; false if no dark one does.
+    fn enter(&self, lambda: f64, limits: Limits, work: &mut Workspace, solution: &Solution) -> bool {
+        // A few at a time: the strongest ones usually explain what made the others want light.
+        let at_once = AT_ONCE;
+        let Workspace { dual, wanting, active, .. } = work;
+        wanting.clear();
+        wanting.extend(
+            (dual.iter().zip(&self.weights).enumerate())
+                .filter(|&(n, _)| !lit(&solution.intensities[n]))
+                .map(|(n, (dual, weight))| (dual / weight, n))
+                .filter(|&(strength, _)| strength > lambda * (1.0 + limits.tolerance)),
+        );
+        wanting.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        active.facets.clear();
+        active.facets.extend((0..solution.intensities.len()).filter(|&n| lit(&solution.intensities[n])));
+        active.facets.extend(wanting.iter().take(at_once).map(|&(_, n)| n));
+        !wanting.is_empty()
+    }
+
+    /// Descends over the facets in play.
+    fn settle(
+        &self,
+        frame: &Correlations,
+        lambda: f64,
+        limits: Limits,
+        effort: Effort,
+        work: &mut Workspace,
+        solution: &mut Solution,
+    ) {
+        let Workspace { active, point, newton, .. } = work;
+        active.load(&self.gram, frame, |n| (self.admissible[n], lambda * self.weights[n]));
+        point.light.clear();
+        point.light.extend(active.facets.iter().map(|&n| solution.intensities[n]));
+        active.correlate(point);
+        loop {
+            if solution.sweeps >= limits.sweeps {
+                solution.capped = true;
+                break;
             }
-            norms += i.left.hypot(i.right);
-            for (s, c) in [i.left, i.right].into_iter().enumerate() {
-                for p in 0..3 {
-                    explained += c * i.colour[p] * (frame.rhs[s][p][n] + state.correlations[s][p][n]);
-                }
+            let fall = active.sweep(point);
+            let newton_fall = newton.step(active, point);
+            solution.sweeps += 2;
+            let progress = fall + newton_fall.unwrap_or(0.0);
+            let objective = active.objective(point);
+            if effort == Effort::Rough && progress <= ROUGH * objective {
+                break;
+            }
+            if active.residual(point) <= limits.tolerance && fall <= STILL * objective {
+                break;
+            }
+            // Newton's last steps change the objective by less than its rounding: no step at all is the end.
+            if newton_fall.is_none() && fall <= STILL * objective {
+                break;
             }
         }
-        (0.5 * (frame.energy - explained), lambda * norms)
+        for (&n, &light) in active.facets.iter().zip(&point.light) {
+            solution.intensities[n] = light;
+        }
+    }
+
+    /// Fills in what is known about the solution.
+    fn certify(&self, frame: &Correlations, lambda: f64, work: &Workspace, solution: &mut Solution) {
+        let (mut explained, mut left_over, mut penalty, mut residual) = (0.0, 0.0, 0.0, 0.0_f64);
+        // max over facets of dual norm / (λ w_n).
+        let mut largest = 0.0_f64;
+        solution.wants_second.clear();
+        for (n, i) in solution.intensities.iter().enumerate() {
+            let penalty_n = lambda * self.weights[n];
+            let excess = work.dual[n] / penalty_n;
+            largest = largest.max(excess);
+            if !lit(i) {
+                residual = residual.max(excess - 1.0);
+                solution.wants_second.push(false);
+                continue;
+            }
+            let z = pair(&work.correlations, n);
+            residual = residual.max(violation(self.admissible[n], i, &z, penalty_n));
+            solution.wants_second.push(excess > 1.0 + SECOND);
+            penalty += penalty_n * i.left.hypot(i.right);
+            explained += product(&rank_one(i), &pair(&frame.rhs, n));
+            left_over += product(&rank_one(i), &z);
+        }
+        // With z = Aᵀr and w = Aᵀy: ‖r‖² = ‖y‖² − ⟨x, w + z⟩ and ⟨y, r⟩ = ‖y‖² − ⟨x, w⟩.
+        let r2 = (frame.energy - explained - left_over).max(0.0);
+        let y_r = frame.energy - explained;
+        solution.data = 0.5 * r2;
+        solution.penalty = penalty;
+        solution.residual = residual;
+        solution.bound = dual_bound(y_r, r2, largest);
     }
 }
 
-fn pair(correlations: &[[Vec<f64>; 3]; 2], n: usize) -> Pair {
-    [0, 1].map(|s| [0, 1, 2].map(|p| correlations[s][p][n]))
-}
-
-/// The objective's part that depends on one facet.
-fn local_cost(i: &Intensity, g: &Pair, energy: [f64; 2], lambda: f64) -> f64 {
-    let dot = |g: &[f64; 3]| (0..3).map(|p| g[p] * i.colour[p]).sum::<f64>();
-    0.5 * (energy[0] * i.left * i.left + energy[1] * i.right * i.right) - i.left * dot(&g[0]) - i.right * dot(&g[1])
-        + lambda * i.left.hypot(i.right)
+/// The dual objective s⟨y, r⟩ − ½ s²‖r‖² at the residual scaled by the largest s that keeps every facet's dual norm at most
+/// λ w_n (and at most the best s); `largest` is max_n of dual norm / (λ w_n) at the residual itself.
+fn dual_bound(y_r: f64, r2: f64, largest: f64) -> f64 {
+    if r2 <= 0.0 {
+        return 0.0;
+    }
+    let feasible = if largest > 0.0 { 1.0 / (largest * (1.0 + 1e-9)) } else { f64::INFINITY };
+    let s = (y_r / r2).min(feasible).max(0.0);
+    s * y_r - 0.5 * s * s * r2
 }

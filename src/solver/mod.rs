@@ -8,14 +8,20 @@
 //! matrices AᵀA and, per frame, Aᵀy. Each facet's exact minimiser over (c_n, v_n) with all others fixed is a search over
 //! one angle ([`facet`]); [`Solver`] descends over facets.
 
+mod active;
+mod cholesky;
 mod descent;
 mod dual;
 pub mod facet;
 mod low_rank;
+mod newton;
 mod nuisance;
 mod projection;
+mod solution;
+mod stationarity;
 
-pub use descent::{Limits, Solution, Solver};
+pub use descent::{Solver, Workspace};
 pub use facet::Admissible;
 pub use nuisance::Nuisance;
 pub use projection::{Columns, Correlations, Projection, ProjectionError};
+pub use solution::{Limits, Solution, Start};

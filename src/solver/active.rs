@@ -1,0 +1,225 @@
+//! The facets in play. Their part of the Gram system is copied into contiguous storage, so that a step costs O(active)
+//! instead of O(N).
+
+use nalgebra::DMatrix;
+
+use super::facet::{Admissible, Pair};
+use super::projection::Correlations;
+use super::stationarity::violation;
+use crate::scene::Intensity;
+
+/// Values per side and channel, one a facet.
+pub(super) type Planes = [[Vec<f64>; 3]; 2];
+
+/// The values of one facet.
+pub(super) fn pair(planes: &Planes, n: usize) -> Pair {
+    [0, 1].map(|s| [0, 1, 2].map(|p| planes[s][p][n]))
+}
+
+/// Whether the facet has light.
+pub(super) fn lit(i: &Intensity) -> bool {
+    i.left != 0.0 || i.right != 0.0
+}
+
+/// X_n = c_n v_nᵀ.
+pub(super) fn rank_one(i: &Intensity) -> Pair {
+    [i.left, i.right].map(|c| i.colour.map(|v| c * v))
+}
+
+/// ⟨a, b⟩.
+pub(super) fn product(a: &Pair, b: &Pair) -> f64 {
+    a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum()
+}
+
+/// A fall of the objective below this share of ‖y‖² is rounding.
+const ROUNDING: f64 = 1e-15;
+
+/// The problem over the facets in play.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Active {
+    /// Which facets.
+    pub facets: Vec<usize>,
+    pub kinds: Vec<Admissible>,
+    /// λ w_n.
+    pub lambdas: Vec<f64>,
+    /// AᵀA of each side, row by row.
+    gram: [Vec<f64>; 2],
+    /// Aᵀy.
+    rhs: Planes,
+    /// ‖y‖².
+    energy: f64,
+}
+
+/// Values for the facets in play, and what is kept up to date with them.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Point {
+    pub light: Vec<Intensity>,
+    /// Aᵀr with r the residual.
+    pub correlations: Planes,
+}
+
+impl Active {
+    /// Room for `n` facets.
+    pub fn with_capacity(n: usize) -> Self {
+        Self {
+            facets: Vec::with_capacity(n),
+            kinds: Vec::with_capacity(n),
+            lambdas: Vec::with_capacity(n),
+            gram: [Vec::with_capacity(n * n), Vec::with_capacity(n * n)],
+            rhs: planes(n),
+            energy: 0.0,
+        }
+    }
+
+    /// Copies what concerns `self.facets`; `penalty` tells a facet's kind and λ w_n.
+    pub fn load(
+        &mut self,
+        gram: &[DMatrix<f64>; 2],
+        frame: &Correlations,
+        penalty: impl Fn(usize) -> (Admissible, f64),
+    ) {
+        self.energy = frame.energy;
+        self.kinds.clear();
+        self.lambdas.clear();
+        for &n in &self.facets {
+            let (kind, lambda) = penalty(n);
+            self.kinds.push(kind);
+            self.lambdas.push(lambda);
+        }
+        for (s, whole) in gram.iter().enumerate() {
+            self.gram[s].clear();
+            for &n in &self.facets {
+                let column = whole.column(n);
+                self.gram[s].extend(self.facets.iter().map(|&m| column[m]));
+            }
+            for p in 0..3 {
+                self.rhs[s][p].clear();
+                self.rhs[s][p].extend(self.facets.iter().map(|&n| frame.rhs[s][p][n]));
+            }
+        }
+    }
+
+    /// Number of facets in play.
+    pub fn len(&self) -> usize {
+        self.facets.len()
+    }
+
+    /// ‖y‖².
+    pub fn energy(&self) -> f64 {
+        self.energy
+    }
+
+    /// The row of a facet in a side's Gram matrix.
+    pub fn row(&self, side: usize, i: usize) -> &[f64] {
+        &self.gram[side][i * self.len()..][..self.len()]
+    }
+
+    /// Computes the correlations of a point from its light.
+    pub fn correlate(&self, point: &mut Point) {
+        for s in 0..2 {
+            for p in 0..3 {
+                point.correlations[s][p].clone_from(&self.rhs[s][p]);
+            }
+        }
+        for i in 0..self.len() {
+            if lit(&point.light[i]) {
+                self.spread(point, i, rank_one(&point.light[i]));
+            }
+        }
+    }
+
+    /// Takes what a change of one facet explains out of the correlations.
+    fn spread(&self, point: &mut Point, i: usize, change: Pair) {
+        for s in 0..2 {
+            let row = self.row(s, i);
+            for p in 0..3 {
+                let change = change[s][p];
+                for (value, g) in point.correlations[s][p].iter_mut().zip(row) {
+                    *value -= change * g;
+                }
+            }
+        }
+    }
+
+    /// (data term, penalty) at the point. With z = Aᵀr and w = Aᵀy: ‖y − Ax‖² = ‖y‖² − ⟨x, w + z⟩.
+    pub fn terms(&self, point: &Point) -> (f64, f64) {
+        let (mut explained, mut penalty) = (0.0, 0.0);
+        for (i, light) in point.light.iter().enumerate().filter(|(_, light)| lit(light)) {
+            penalty += self.lambdas[i] * light.left.hypot(light.right);
+            let (w, z) = (pair(&self.rhs, i), pair(&point.correlations, i));
+            explained += product(&rank_one(light), &w) + product(&rank_one(light), &z);
+        }
+        (0.5 * (self.energy - explained), penalty)
+    }
+
+    /// The value of eq. 13.
+    pub fn objective(&self, point: &Point) -> f64 {
+        let (data, penalty) = self.terms(point);
+        data + penalty
+    }
+
+    /// By how much the objective is lower at `to` than at `from`, without the cancellation of two objectives' difference:
+    /// ½‖r‖² − ½‖r'‖² = ⟨x' − x, (z + z')/2⟩.
+    pub fn fall(&self, from: &Point, to: &Point) -> f64 {
+        let mut fall = 0.0;
+        for (i, (a, b)) in from.light.iter().zip(&to.light).enumerate().filter(|(_, (a, b))| a != b) {
+            fall += self.lambdas[i] * (a.left.hypot(a.right) - b.left.hypot(b.right));
+            for z in [pair(&from.correlations, i), pair(&to.correlations, i)] {
+                fall += 0.5 * (product(&rank_one(b), &z) - product(&rank_one(a), &z));
+            }
+        }
+        fall
+    }
+
+    /// The largest violation of the optimality conditions of the facets that have light.
+    pub fn residual(&self, point: &Point) -> f64 {
+        (0..self.len())
+            .filter(|&i| lit(&point.light[i]))
+            .map(|i| violation(self.kinds[i], &point.light[i], &pair(&point.correlations, i), self.lambdas[i]))
+            .fold(0.0, f64::max)
+    }
+
+    /// Moves each facet in turn to its exact minimiser; returns by how much the objective fell.
+    pub fn sweep(&self, point: &mut Point) -> f64 {
+        (0..self.len()).map(|i| self.step(point, i)).sum()
+    }
+
+    fn step(&self, point: &mut Point, i: usize) -> f64 {
+        let energy = [self.row(0, i)[i], self.row(1, i)[i]];
+        let (old, lambda) = (point.light[i], self.lambdas[i]);
+        let own = rank_one(&old);
+        let mut g = pair(&point.correlations, i);
+        for s in 0..2 {
+            for p in 0..3 {
+                g[s][p] += energy[s] * own[s][p];
+            }
+        }
+        let new = self.kinds[i].minimise(&g, energy, lambda);
+        let fall = local_cost(&old, &g, energy, lambda) - local_cost(&new, &g, energy, lambda);
+        if fall <= ROUNDING * self.energy {
+            return 0.0;
+        }
+        let x = rank_one(&new);
+        self.spread(point, i, [0, 1].map(|s| [0, 1, 2].map(|p| x[s][p] - own[s][p])));
+        point.light[i] = new;
+        fall
+    }
+}
+
+impl Point {
+    /// Room for `n` facets.
+    pub fn with_capacity(n: usize) -> Self {
+        Self { light: Vec::with_capacity(n), correlations: planes(n) }
+    }
+}
+
+fn planes(n: usize) -> Planes {
+    [0, 1].map(|_| [0, 1, 2].map(|_| Vec::with_capacity(n)))
+}
+
+/// The objective's part that depends on one facet.
+fn local_cost(i: &Intensity, g: &Pair, energy: [f64; 2], lambda: f64) -> f64 {
+    let dot = |g: &[f64; 3]| (0..3).map(|p| g[p] * i.colour[p]).sum::<f64>();
+    0.5 * (energy[0] * i.left * i.left + energy[1] * i.right * i.right) - i.left * dot(&g[0]) - i.right * dot(&g[1])
+        + lambda * i.left.hypot(i.right)
+}
