@@ -65,6 +65,14 @@ pub struct Correlations {
     coordinates: [DVector<f64>; 3],
 }
 
+impl Correlations {
+    /// Of a problem that has no pixels behind it, such as a test's.
+    pub fn new(rhs: [[Vec<f64>; 3]; 2], energy: f64) -> Self {
+        let coordinates = std::array::from_fn(|_| DVector::zeros(0));
+        Self { rhs, energy, nuisance: Default::default(), weighted: Default::default(), coordinates }
+    }
+}
+
 /// A measurement that cannot be used.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum ProjectionError {
@@ -133,6 +141,19 @@ impl Projection {
             coordinates: std::array::from_fn(|_| {
                 DVector::zeros(self.sides.iter().map(|side| side.core.nrows()).max().unwrap_or(0))
             }),
+        }
+    }
+
+    /// Writes what white noise of unit variance in W y would give into `out`; `normal` draws standard normal numbers.
+    pub fn white_noise(&self, out: &mut Correlations, mut normal: impl FnMut() -> f64) {
+        for (s, side) in self.sides.iter().enumerate() {
+            let rank = side.core.nrows();
+            for (rhs, coordinates) in out.rhs[s].iter_mut().zip(&mut out.coordinates) {
+                coordinates.rows_mut(0, rank).iter_mut().for_each(|c| *c = normal());
+                for (rhs, column) in rhs.iter_mut().zip(side.core.column_iter()) {
+                    *rhs = column.dot(&coordinates.rows(0, rank));
+                }
+            }
         }
     }
 
