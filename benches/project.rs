@@ -5,7 +5,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use doorcam::geometry::{Doorway, FacetGrid, GridSpec};
 use doorcam::measurement::{PatchPair, edge_foot_mask};
-use doorcam::solver::{Columns, Nuisance, Projection};
+use doorcam::solver::{Columns, Nuisance, Pixels, Projection};
 use doorcam::transport::{Kernel, PatchGrid, PixelLayout, Transport, TransportSpec};
 
 fn project(c: &mut Criterion) {
@@ -14,9 +14,10 @@ fn project(c: &mut Criterion) {
     let patch = PatchGrid { size: 64, fov_m: 0.3, layout: PixelLayout::Cells };
     let spec = TransportSpec { kernel: Kernel::Radiometric, facet_height_m: 2.0, patch };
     let transport = Transport::new(&doorway, &grid.facets, &spec);
-    let weights = edge_foot_mask(&patch).iter().map(|&m| f64::from(u8::from(m))).collect::<Vec<_>>();
+    let counted = edge_foot_mask(&patch);
+    let pixels = Pixels::uniform(&[counted.clone(), counted]);
     let nuisance = Nuisance::constant(patch.pixels());
-    let projection = Projection::new(&transport, &[weights.clone(), weights], &nuisance, Columns::UnitNorm);
+    let projection = Projection::new(&transport, &pixels, &nuisance, Columns::UnitNorm);
     let mut y = PatchPair::zeros(64);
     for (k, value) in y.left.data_mut().iter_mut().enumerate() {
         *value = 0.01 * (k as f32 * 0.37).sin();

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use doorcam::geometry::{Doorway, FacetGrid, GridSpec};
 use doorcam::measurement::edge_foot_mask;
-use doorcam::solver::{Columns, Nuisance, Projection};
+use doorcam::solver::{Columns, Nuisance, Pixels, Projection};
 use doorcam::transport::{Kernel, PatchGrid, PixelLayout, Transport, TransportSpec};
 
 fn transport(c: &mut Criterion) {
@@ -21,11 +21,11 @@ fn transport(c: &mut Criterion) {
         let spec = TransportSpec { kernel, facet_height_m: 2.0, patch };
         group.bench_function(name, |b| b.iter(|| black_box(Transport::new(&doorway, &grid.facets, &spec))));
         let transport = Transport::new(&doorway, &grid.facets, &spec);
-        let weights = edge_foot_mask(&patch).iter().map(|&m| f64::from(u8::from(m))).collect::<Vec<_>>();
-        let weights = [weights.clone(), weights];
+        let counted = edge_foot_mask(&patch);
+        let pixels = Pixels::uniform(&[counted.clone(), counted]);
         let nuisance = Nuisance::constant(patch.pixels());
         group.bench_function(format!("{name}, Gram matrices"), |b| {
-            b.iter(|| black_box(Projection::new(&transport, &weights, &nuisance, Columns::Radiance)))
+            b.iter(|| black_box(Projection::new(&transport, &pixels, &nuisance, Columns::Radiance)))
         });
     }
     group.finish();

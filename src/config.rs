@@ -6,6 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::{GridSpec, Room};
+use crate::solver::ModelKind;
 use crate::transport::Kernel;
 
 /// A configuration that cannot be used: one line that names the file, the line or key, and what was expected.
@@ -118,15 +119,71 @@ impl Default for TransportConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolverConfig {
+    /// Which changes a facet may show.
+    pub model: ModelKind,
     /// Weight of the penalty in eq. 13.
-    pub lambda: f64,
+    pub lambda: Lambda,
+    /// Automatic λ: times what the empty room's noise reaches in one frame of a thousand.
+    pub lambda_factor: f64,
+    /// Automatic λ: at least this share of the smallest λ with an empty map.
+    pub lambda_share: f64,
     /// Sweeps over facets that a frame may take.
     pub max_sweeps: usize,
 }
 
 impl Default for SolverConfig {
     fn default() -> Self {
-        Self { lambda: 0.05, max_sweeps: 4000 }
+        Self {
+            model: ModelKind::Signed,
+            lambda: Lambda::Auto,
+            lambda_factor: 1.0,
+            lambda_share: 0.15,
+            max_sweeps: 4000,
+        }
+    }
+}
+
+/// λ of eq. 13: a number, or "auto".
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "LambdaText", into = "LambdaText")]
+pub enum Lambda {
+    /// Chosen frame by frame from the measured noise; [`Lambda::PUBLISHED`] for the published model.
+    Auto,
+    /// This number.
+    Fixed(f64),
+}
+
+impl Lambda {
+    /// What the authors used on most of their laboratory measurements.
+    pub const PUBLISHED: f64 = 0.05;
+}
+
+/// λ as it stands in a file.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum LambdaText {
+    Number(f64),
+    Word(String),
+}
+
+impl From<Lambda> for LambdaText {
+    fn from(lambda: Lambda) -> Self {
+        match lambda {
+            Lambda::Auto => LambdaText::Word("auto".into()),
+            Lambda::Fixed(number) => LambdaText::Number(number),
+        }
+    }
+}
+
+impl TryFrom<LambdaText> for Lambda {
+    type Error = String;
+
+    fn try_from(text: LambdaText) -> Result<Self, String> {
+        match text {
+            LambdaText::Number(number) => Ok(Lambda::Fixed(number)),
+            LambdaText::Word(word) if word == "auto" => Ok(Lambda::Auto),
+            LambdaText::Word(word) => Err(format!("lambda is \"{word}\", expected \"auto\" or a number above 0")),
+        }
     }
 }
 
@@ -180,7 +237,7 @@ impl Config {
             self.grid = GridConfig::default();
             self.patch = PatchConfig { fov_m: 0.15, pixels: 64 };
             self.transport = TransportConfig { kernel: Kernel::Published, facet_height_m: 2.0 };
-            self.solver.lambda = SolverConfig::default().lambda;
+            self.solver.model = ModelKind::Published;
         }
         self.preset = preset;
         self
@@ -215,26 +272,33 @@ impl Config {
         within("patch.fov_m", self.patch.fov_m, 0.01, 2.0, "metres")?;
         within("patch.pixels", self.patch.pixels as f64, 8.0, 256.0, "pixels")?;
         within("transport.facet_height_m", self.transport.facet_height_m, 0.1, 10.0, "metres")?;
-        check_lambda("solver.lambda", self.solver.lambda)?;
+        if let Lambda::Fixed(lambda) = self.solver.lambda {
+            check_lambda("solver.lambda", lambda)?;
+        }
+        within("solver.lambda_factor", self.solver.lambda_factor, 0.01, 100.0, "(a factor)")?;
+        within("solver.lambda_share", self.solver.lambda_share, 0.0, 1.0, "(a share)")?;
         within("solver.max_sweeps", self.solver.max_sweeps as f64, 1.0, 1e6, "sweeps")?;
         within("scene.unified_threshold", self.scene.unified_threshold, 0.0, 1.0, "(a share of the largest |c|)")
     }
 }
 
 /// Reads a λ that someone typed; `key` is what to call it.
-pub fn parse_lambda(key: &str, text: &str) -> Result<f64, ConfigError> {
+pub fn parse_lambda(key: &str, text: &str) -> Result<Lambda, ConfigError> {
+    if text == "auto" {
+        return Ok(Lambda::Auto);
+    }
     let lambda = text
         .parse::<f64>()
-        .map_err(|_| ConfigError(format!("{key} is \"{text}\", expected a number above 0, such as 0.05")))?;
+        .map_err(|_| ConfigError(format!("{key} is \"{text}\", expected \"auto\" or a number above 0")))?;
     check_lambda(key, lambda)?;
-    Ok(lambda)
+    Ok(Lambda::Fixed(lambda))
 }
 
 fn check_lambda(key: &str, lambda: f64) -> Result<(), ConfigError> {
     if lambda.is_finite() && lambda > 0.0 {
         return Ok(());
     }
-    Err(ConfigError(format!("{key} is {lambda}, expected a number above 0, such as 0.05")))
+    Err(ConfigError(format!("{key} is {lambda}, expected \"auto\" or a number above 0")))
 }
 
 fn within(key: &str, value: f64, low: f64, high: f64, unit: &str) -> Result<(), ConfigError> {
@@ -279,16 +343,17 @@ mod tests {
         let error = |text: &str| Config::parse(text).expect_err("refused").to_string();
         assert_eq!(
             error("[room]\ndepth_m = 3.0\n\n[solver]\nlamda = 1\n"),
-            "line 5: unknown field `lamda`, expected `lambda` or `max_sweeps`"
+            "line 5: unknown field `lamda`, expected one of `model`, `lambda`, `lambda_factor`, `lambda_share`, `max_sweeps`"
         );
-        assert_eq!(error("[solver]\nlambda = -1\n"), "solver.lambda is -1, expected a number above 0, such as 0.05");
-        assert_eq!(error("[solver]\nlambda = nan\n"), "solver.lambda is NaN, expected a number above 0, such as 0.05");
-        assert!(error("[solver]\nlambda = \"big\"\n").starts_with("line 2: invalid type: string \"big\""));
+        assert_eq!(error("[solver]\nlambda = -1\n"), "solver.lambda is -1, expected \"auto\" or a number above 0");
+        assert_eq!(error("[solver]\nlambda = nan\n"), "solver.lambda is NaN, expected \"auto\" or a number above 0");
+        let word = "line 2: lambda is \"big\", expected \"auto\" or a number above 0";
+        assert_eq!(error("[solver]\nlambda = \"big\"\n"), word);
         assert!(error("[server]\nlisten = \"nowhere\"\n").starts_with("line 2: "));
         assert!(error("[grid]\nangular_step_deg = 7\n").contains("expected a step of which 180 degrees"));
         assert!(error("solver = {").starts_with("line 1: "));
         let lambda = parse_lambda("--lambda", "many").expect_err("refused").to_string();
-        assert_eq!(lambda, "--lambda is \"many\", expected a number above 0, such as 0.05");
+        assert_eq!(lambda, "--lambda is \"many\", expected \"auto\" or a number above 0");
     }
 
     proptest! {

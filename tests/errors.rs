@@ -61,10 +61,10 @@ fn a_lambda_that_is_no_positive_number_is_refused() {
     let dir = grey_recording(&manifest(), 3);
     let path = dir.path().to_str().unwrap();
     for (given, shown) in [("-1", "-1"), ("0", "0"), ("nan", "NaN"), ("inf", "inf"), ("-inf", "-inf")] {
-        let expected = format!("doorcam: --lambda is {shown}, expected a number above 0, such as 0.05");
+        let expected = format!("doorcam: --lambda is {shown}, expected \"auto\" or a number above 0");
         assert_eq!(failure(&["reconstruct", path, "--lambda", given]), expected);
     }
-    let expected = "doorcam: --lambda is \"few\", expected a number above 0, such as 0.05";
+    let expected = "doorcam: --lambda is \"few\", expected \"auto\" or a number above 0";
     assert_eq!(failure(&["reconstruct", path, "--lambda", "few"]), expected);
     assert_eq!(failure(&["serve", "--source", &format!("replay:{path}"), "--lambda=few"]), expected);
 }

@@ -13,6 +13,7 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::{Parser, Subcommand};
 use doorcam::config::{Config, Preset, parse_lambda};
+use doorcam::solver::ModelKind;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tracing_subscriber::EnvFilter;
 
@@ -48,11 +49,14 @@ struct ModelOptions {
     /// Configuration file; config/doorcam.toml shows every key
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Weight of the sparsity penalty in eq. 13: larger shows less [default: 0.05]
+    /// Weight of the sparsity penalty in eq. 13: larger shows less; "auto" measures the noise [default: auto]
     // Text, so that a bad number is an error of the input (status 1), as in the configuration file.
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
     lambda: Option<String>,
-    /// "published": the authors' grid, kernel, 0.15 m patches and preprocessing
+    /// Which changes a facet may show [default: signed]
+    #[arg(long, value_name = "MODEL")]
+    model: Option<ModelKind>,
+    /// "published": the authors' model, grid, kernel, 0.15 m patches and preprocessing
     #[arg(long, value_name = "NAME")]
     preset: Option<Preset>,
 }
@@ -61,6 +65,9 @@ impl ModelOptions {
     fn config(&self) -> anyhow::Result<Config> {
         let file = self.config.as_deref().map(Config::load).transpose()?;
         let mut config = file.unwrap_or_default().with_preset(self.preset);
+        if let Some(model) = self.model {
+            config.solver.model = model;
+        }
         if let Some(text) = &self.lambda {
             config.solver.lambda = parse_lambda("--lambda", text)?;
         }

@@ -6,19 +6,26 @@ pub struct Background {
     sums: [Vec<f64>; 2],
     frames: u64,
     mean: PatchPair,
+    kept: Vec<PatchPair>,
 }
+
+/// Frames of the empty room that are kept for their statistics.
+const KEPT: usize = 64;
 
 impl Background {
     /// Nothing learned yet.
     pub fn new(size: usize) -> Self {
         let mean = PatchPair::zeros(size);
         let zeros = || vec![0.0; mean.left.data().len()];
-        Self { sums: [zeros(), zeros()], frames: 0, mean }
+        Self { sums: [zeros(), zeros()], frames: 0, mean, kept: Vec::new() }
     }
 
     /// Adds a frame of the empty room.
     pub fn learn(&mut self, pair: &PatchPair) {
         self.frames += 1;
+        if self.kept.len() < KEPT {
+            self.kept.push(pair.clone());
+        }
         for (sums, (patch, mean)) in
             self.sums.iter_mut().zip([(&pair.left, &mut self.mean.left), (&pair.right, &mut self.mean.right)])
         {
@@ -34,9 +41,14 @@ impl Background {
         self.frames
     }
 
-    /// The mean of the frames learned; none before the first.
-    pub fn mean(&self) -> Option<&PatchPair> {
-        (self.frames > 0).then_some(&self.mean)
+    /// The mean of the frames learned; zeros before the first.
+    pub fn mean(&self) -> &PatchPair {
+        &self.mean
+    }
+
+    /// The first frames learned, for their statistics.
+    pub fn kept(&self) -> &[PatchPair] {
+        &self.kept
     }
 
     /// Writes y = x_t − x_0 (eq. 4) into `out`; false, and nothing written, before the first frame was learned.
@@ -68,7 +80,7 @@ mod tests {
         };
         let mut background = Background::new(4);
         let mut y = PatchPair::zeros(4);
-        assert!(!background.difference(&filled(1.0), &mut y) && background.mean().is_none());
+        assert!(!background.difference(&filled(1.0), &mut y) && background.frames() == 0);
         for v in [0.25, 0.5, 0.75] {
             background.learn(&filled(v));
         }

@@ -1,5 +1,6 @@
 //! From a camera frame to the difference measurement of eq. 4.
 
+mod albedo;
 mod background;
 mod homography;
 mod mask;
@@ -9,6 +10,7 @@ mod radiometry;
 mod rectify;
 mod resample;
 
+pub use albedo::relative_albedo;
 pub use background::Background;
 pub use homography::{Homography, HomographyError};
 pub use mask::edge_foot_mask;

@@ -108,7 +108,7 @@ pub struct Status {
     pub model: &'static str,
     /// The preset in use.
     pub preset: Option<Preset>,
-    /// λ of eq. 13.
+    /// λ of eq. 13 in the newest update; 0 before there is a map.
     pub lambda: f64,
     /// Where frames come from.
     pub source: SourceStatus,
@@ -238,9 +238,9 @@ impl Hub {
             version: env!("CARGO_PKG_VERSION"),
             state: if last.is_some() && !fresh { State::Stale } else { counters.state },
             uptime_s: self.started.elapsed().as_secs_f64(),
-            model: self.model.name(),
+            model: self.model.kind.name(),
             preset: self.model.preset,
-            lambda: self.model.lambda,
+            lambda: last.as_ref().map_or(0.0, |p| p.update.solution.lambda),
             source: SourceStatus { info: self.source.clone(), state: counters.source, error: counters.error.clone() },
             frames: counters.frames.clone(),
             rate_hz: Rates { captured: counters.captured.hz(now), solved: counters.solved.hz(now) },

@@ -1,9 +1,9 @@
-use crate::config::{Config, Preset};
+use crate::config::{Config, Lambda, Preset};
 use crate::geometry::{Doorway, FacetGrid, GeometryError};
 use crate::measurement::{PatchPair, edge_foot_mask};
 use crate::render::ReconstructionPicture;
 use crate::scene::Scene;
-use crate::solver::{Admissible, Columns, Limits, Nuisance, Projection, Solver};
+use crate::solver::{Limits, ModelKind};
 use crate::transport::{PatchGrid, PixelLayout, Transport, TransportSpec};
 
 /// Why a configuration and a doorway do not make a model.
@@ -31,7 +31,7 @@ pub enum SetupError {
     },
 }
 
-/// Everything that is computed once: geometry, transport and the problem in Gram form.
+/// Everything that is known before the first frame: geometry, transport and what the configuration asks for.
 #[derive(Debug, Clone)]
 pub struct Model {
     /// The doorway.
@@ -40,12 +40,18 @@ pub struct Model {
     pub grid: FacetGrid,
     /// The floor patches.
     pub patch: PatchGrid,
-    /// Measurements to the Gram system.
-    pub projection: Projection,
-    /// The Gram system's solver.
-    pub solver: Solver,
+    /// A_L and A_R.
+    pub transport: Transport,
+    /// Per side, the pixels that count: seen, and not at the foot of the edge.
+    pub counted: [Vec<bool>; 2],
+    /// Which changes a facet may show.
+    pub kind: ModelKind,
     /// λ of eq. 13.
-    pub lambda: f64,
+    pub lambda: Lambda,
+    /// Automatic λ: times what noise reaches.
+    pub lambda_factor: f64,
+    /// Automatic λ: share of the strongest facet's wish.
+    pub lambda_share: f64,
     /// When the solver stops.
     pub limits: Limits,
     /// t of eq. 15, relative to the largest |c|.
@@ -76,33 +82,27 @@ impl Model {
     ) -> Result<Self, SetupError> {
         let grid = FacetGrid::new(&doorway, &config.grid_spec())?;
         let foot = edge_foot_mask(&patch);
-        let masks = match seen {
+        let counted = match seen {
             None => [foot.clone(), foot],
             Some(seen) => seen.map(|side| side.iter().zip(&foot).map(|(&s, &f)| s && f).collect()),
         };
-        let weights = masks.map(|mask: Vec<bool>| mask.iter().map(|&m| f64::from(u8::from(m))).collect());
         let spec =
             TransportSpec { kernel: config.transport.kernel, facet_height_m: config.transport.facet_height_m, patch };
         let transport = Transport::new(&doorway, &grid.facets, &spec);
-        let projection = Projection::new(&transport, &weights, &Nuisance::constant(patch.pixels()), Columns::Radiance);
-        let admissible =
-            grid.foreground.iter().map(|&f| if f { Admissible::Brighter } else { Admissible::EitherSign }).collect();
         Ok(Self {
             doorway,
             patch,
-            solver: Solver::new(projection.gram(), admissible),
-            projection,
+            transport,
+            counted,
+            kind: config.solver.model,
             lambda: config.solver.lambda,
+            lambda_factor: config.solver.lambda_factor,
+            lambda_share: config.solver.lambda_share,
             limits: Limits { sweeps: config.solver.max_sweeps, ..Limits::default() },
             unified_threshold: config.scene.unified_threshold,
             preset: config.preset,
             grid,
         })
-    }
-
-    /// The name of the model in updates.
-    pub fn name(&self) -> &'static str {
-        "published"
     }
 
     /// What to draw of a scene that this model found.

@@ -1,19 +1,26 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::Model;
+use super::{Model, Problem};
 use crate::measurement::{Background, PatchPair};
 use crate::scene::{Rgb, Scene};
-use crate::solver::{Correlations, ProjectionError, Solution};
+use crate::solver::{Correlations, ProjectionError, Solution, Start, Workspace};
 
 /// The stages from a patch pair to a scene, with what they remember between frames.
 pub struct Reconstructor {
     model: Arc<Model>,
     background: Background,
     difference: PatchPair,
-    correlations: Correlations,
-    previous: Option<Solution>,
     warm_start: bool,
+    problem: Option<Prepared>,
+}
+
+/// The problem of the background in use, and the room that solving it takes.
+struct Prepared {
+    problem: Problem,
+    correlations: Correlations,
+    workspace: Workspace,
+    solution: Solution,
 }
 
 /// What one frame says about the room.
@@ -23,7 +30,7 @@ pub struct Reconstruction {
     pub solution: Solution,
     /// Views and unified map.
     pub scene: Scene,
-    /// b of eq. 12: left, right.
+    /// Mean change of the visible side's light: left, right. With the published model, b of eq. 12.
     pub illumination: [Rgb; 2],
     /// Time for the difference.
     pub background_time: Duration,
@@ -40,8 +47,7 @@ impl Reconstructor {
         Self {
             background: Background::new(model.patch.size),
             difference: PatchPair::zeros(model.patch.size),
-            correlations: model.projection.correlations(),
-            previous: None,
+            problem: None,
             warm_start,
             model,
         }
@@ -55,6 +61,7 @@ impl Reconstructor {
     /// Learns a frame of the empty room.
     pub fn learn(&mut self, pair: &PatchPair) {
         self.background.learn(pair);
+        self.problem = None;
     }
 
     /// The last frame's difference measurement (eq. 4).
@@ -62,27 +69,38 @@ impl Reconstructor {
         &self.difference
     }
 
-    /// Reconstructs what changed against the empty room; none before that was learned.
+    /// Reconstructs what changed against the empty room; none before that was learned. The first frame after learning
+    /// takes longer: the problem is built for what was learned.
     pub fn reconstruct(&mut self, pair: &PatchPair) -> Result<Option<Reconstruction>, ProjectionError> {
         let start = Instant::now();
         if !self.background.difference(pair, &mut self.difference) {
             return Ok(None);
         }
         let background_time = start.elapsed();
+        let (model, background, difference) = (&self.model, &self.background, &self.difference);
+        let Prepared { problem, correlations, workspace, solution } = self.problem.get_or_insert_with(|| {
+            let problem = Problem::new(model, background, difference);
+            Prepared {
+                correlations: problem.projection.correlations(),
+                workspace: problem.solver.workspace(),
+                solution: Solution::default(),
+                problem,
+            }
+        });
         let start = Instant::now();
-        let model = &self.model;
-        model.projection.project(&self.difference, &mut self.correlations)?;
+        problem.projection.project(&self.difference, correlations)?;
         let project_time = start.elapsed();
         let start = Instant::now();
-        let warm = self.previous.as_ref().filter(|_| self.warm_start);
-        let solution = model.solver.solve(&self.correlations, model.lambda, model.limits, warm);
+        let from = if self.warm_start { Start::Previous } else { Start::Empty };
+        let lambda = problem.lambda(correlations);
+        problem.solver.solve_into(correlations, lambda, self.model.limits, from, workspace, solution);
         let solve_time = start.elapsed();
-        let scene = Scene::new(&solution.intensities, model.unified_threshold);
-        let illumination = model.projection.illumination(&self.correlations, |s, n| {
+        let scene = Scene::new(&solution.intensities, problem.projection.radiance(), self.model.unified_threshold);
+        let illumination = problem.projection.illumination(correlations, |s, n| {
             let i = &solution.intensities[n];
             i.colour.map(|v| [i.left, i.right][s] * v)
         });
-        self.previous = Some(solution.clone());
+        let solution = solution.clone();
         Ok(Some(Reconstruction { solution, scene, illumination, background_time, project_time, solve_time }))
     }
 }

@@ -6,17 +6,21 @@ use super::{Intensity, Rgb};
 /// What became darker is unified the same way on the negative parts, as in the authors' figures, and comes out negative:
 /// the paper's maximum is then the more negative of the two views. A facet that is brighter in one view and darker in the
 /// other is in neither map.
-pub fn unify(intensities: &[Intensity], t: f64) -> Vec<Rgb> {
+///
+/// `radiance` takes intensities to the radiances of the views, per side and facet.
+pub fn unify(intensities: &[Intensity], radiance: [&[f64]; 2], t: f64) -> Vec<Rgb> {
     let largest = intensities.iter().fold(0.0_f64, |m, i| m.max(i.left.abs()).max(i.right.abs()));
     let threshold = t * largest;
     let reaches = |c: f64| c > 0.0 && c >= threshold;
     intensities
         .iter()
-        .map(|i| {
+        .zip(radiance[0].iter().zip(radiance[1]))
+        .map(|(i, (left, right))| {
+            let (left, right) = (left * i.left, right * i.right);
             let strongest = if reaches(i.left) && reaches(i.right) {
-                i.left.max(i.right)
+                left.max(right)
             } else if reaches(-i.left) && reaches(-i.right) {
-                i.left.min(i.right)
+                left.min(right)
             } else {
                 0.0
             };
@@ -55,7 +59,7 @@ mod tests {
         fn unified_is_equations_14_and_15_on_the_positive_and_on_the_negative_parts(
             intensities in prop::collection::vec(intensity(), 1..20), t in 0.0..0.9f64,
         ) {
-            let scene = Scene::new(&intensities, t);
+            let scene = Scene::new(&intensities, [&vec![1.0; intensities.len()], &vec![1.0; intensities.len()]], t);
             let largest = intensities.iter().fold(0.0_f64, |m, i| m.max(i.left.abs()).max(i.right.abs()));
             for sign in [Sign::Brighter, Sign::Darker] {
                 let part = |c: f64| if sign == Sign::Brighter { c.max(0.0) } else { (-c).max(0.0) };

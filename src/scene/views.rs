@@ -32,10 +32,13 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Forms the views and, with threshold `t` relative to the largest |c|, the unified map.
-    pub fn new(intensities: &[Intensity], t: f64) -> Self {
-        let view = |c: fn(&Intensity) -> f64| intensities.iter().map(|i| i.colour.map(|v| c(i) * v)).collect();
-        Self { left: view(|i| i.left), right: view(|i| i.right), unified: unify(intensities, t) }
+    /// Forms the views and, with threshold `t` relative to the largest |c|, the unified map. `radiance` has, per side and
+    /// facet, the radiance of a facet of intensity 1: what is strong is decided by intensities, what is shown is radiance.
+    pub fn new(intensities: &[Intensity], radiance: [&[f64]; 2], t: f64) -> Self {
+        let view = |s: usize, c: fn(&Intensity) -> f64| {
+            intensities.iter().zip(radiance[s]).map(|(i, scale)| i.colour.map(|v| c(i) * scale * v)).collect()
+        };
+        Self { left: view(0, |i| i.left), right: view(1, |i| i.right), unified: unify(intensities, radiance, t) }
     }
 
     /// Indices of the facets that are not zero in some view.

@@ -13,6 +13,7 @@ mod cholesky;
 mod descent;
 mod dual;
 pub mod facet;
+mod kind;
 mod low_rank;
 mod newton;
 mod nuisance;
@@ -22,6 +23,7 @@ mod stationarity;
 
 pub use descent::{Solver, Workspace};
 pub use facet::Admissible;
+pub use kind::ModelKind;
 pub use nuisance::Nuisance;
-pub use projection::{Columns, Correlations, Projection, ProjectionError};
+pub use projection::{Columns, Correlations, Pixels, Projection, ProjectionError};
 pub use solution::{Limits, Solution, Start};

@@ -20,12 +20,32 @@ pub enum Columns {
     UnitNorm,
 }
 
+/// What is known of a patch's pixels, row by row from the wall; per side.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pixels {
+    /// Weights W: one over the noise. Pixels of weight 0 do not count at all.
+    pub weights: [Vec<f64>; 2],
+    /// The floor's reflectance relative to its surroundings: light from the room comes back multiplied by it.
+    pub albedo: [Vec<f64>; 2],
+}
+
+impl Pixels {
+    /// All alike, but for those that do not count.
+    pub fn uniform(counted: &[Vec<bool>; 2]) -> Self {
+        Self {
+            weights: [0, 1].map(|s| counted[s].iter().map(|&c| f64::from(u8::from(c))).collect()),
+            albedo: [0, 1].map(|s| vec![1.0; counted[s].len()]),
+        }
+    }
+}
+
 /// Takes difference measurements to the Gram system: Aᵀy with the nuisances eliminated.
 ///
 /// Nuisances are patterns that the visible side's light and the camera's gain add to a patch at any strength, unpenalised:
 /// in eq. 12 the constant b^p. With Q an orthonormal basis of them, their least-squares strengths leave the problem with
-/// (I − QQᵀ) W A for A and (I − QQᵀ) W y for y, W the pixels' weights. A is nearly of low rank, so it is kept as U C with
-/// orthonormal U (M x r): a frame costs the r + q products [Q U]ᵀ W y instead of N.
+/// (I − QQᵀ) W A for A and (I − QQᵀ) W y for y, W the pixels' weights; the rows of A are
+/// multiplied by the floor's albedo. A is nearly of low rank, so it is kept as U C with orthonormal U (M x r): a frame
+/// costs the r + q products [Q U]ᵀ W y instead of N.
 #[derive(Debug, Clone)]
 pub struct Projection {
     sides: [ProjectedSide; 2],
@@ -99,12 +119,13 @@ pub enum ProjectionError {
 }
 
 impl Projection {
-    /// Weighs, frees of nuisances, scales and factors the columns of `transport`. `weights` has, per side, one weight a
-    /// pixel, row by row from the wall; pixels of weight 0 do not count at all.
-    pub fn new(transport: &Transport, weights: &[Vec<f64>; 2], nuisance: &Nuisance, columns: Columns) -> Self {
+    /// Weighs, frees of nuisances, scales and factors the columns of `transport`.
+    pub fn new(transport: &Transport, pixels: &Pixels, nuisance: &Nuisance, columns: Columns) -> Self {
         let sides = [0, 1].map(|s| {
-            let weighted = weigh(transport.side(Side::BOTH[s]), &weights[s]);
-            ProjectedSide::new(weighted, &weights[s], nuisance.side(s), columns)
+            let (weights, albedo) = (&pixels.weights[s], &pixels.albedo[s]);
+            let rows: Vec<f64> = weights.iter().zip(albedo).map(|(w, a)| w * a).collect();
+            let weighted = multiply_rows(transport.side(Side::BOTH[s]), &rows);
+            ProjectedSide::new(weighted, weights, nuisance.side(s), columns)
         });
         let gram = [&sides[0], &sides[1]].map(|side| gram(&side.core));
         Self { facets: transport.left.ncols(), sides, gram }
@@ -262,13 +283,13 @@ impl ProjectedSide {
     }
 }
 
-/// W A.
-fn weigh(matrix: &DMatrix<f64>, weights: &[f64]) -> DMatrix<f64> {
-    let mut weighted = matrix.clone();
-    for mut column in weighted.column_iter_mut() {
-        column.iter_mut().zip(weights).for_each(|(value, weight)| *value *= weight);
+/// diag(rows) A.
+fn multiply_rows(matrix: &DMatrix<f64>, rows: &[f64]) -> DMatrix<f64> {
+    let mut product = matrix.clone();
+    for mut column in product.column_iter_mut() {
+        column.iter_mut().zip(rows).for_each(|(value, factor)| *value *= factor);
     }
-    weighted
+    product
 }
 
 /// Writes W y into `out` and returns ‖W y‖²; the index of a pixel that counts and is not finite otherwise.
@@ -384,7 +405,7 @@ mod tests {
     fn the_fast_product_is_the_literal_one() {
         let transport = transport();
         let pixels = SIZE * SIZE;
-        let weights = [7u64, 8].map(|seed| {
+        let weights: [Vec<f64>; 2] = [7u64, 8].map(|seed| {
             noise(seed).take(pixels).enumerate().map(|(k, v)| if k % 17 == 0 { 0.0 } else { 1.0 + 0.3 * v }).collect()
         });
         let patterns = [9u64, 10].map(|seed| {
@@ -392,9 +413,11 @@ mod tests {
             vec![vec![1.0; pixels], slope.zip(noise(seed)).map(|(s, v)| s + 0.01 * v).collect()]
         });
         let nuisance = Nuisance::new(patterns.clone());
+        let albedo: [Vec<f64>; 2] = [11u64, 12].map(|seed| noise(seed).take(pixels).map(|v| 1.0 + 0.05 * v).collect());
+        let known = Pixels { weights: weights.clone(), albedo: albedo.clone() };
         let y = measurement();
         for columns in [Columns::Radiance, Columns::UnitNorm] {
-            let projection = Projection::new(&transport, &weights, &nuisance, columns);
+            let projection = Projection::new(&transport, &known, &nuisance, columns);
             let mut fast = projection.correlations();
             projection.project(&y, &mut fast).unwrap();
             let mut energy = 0.0;
@@ -403,7 +426,7 @@ mod tests {
                 let q = DMatrix::from_fn(pixels, 2, |k, j| patterns[s][j][k] * w[k]);
                 let normal = (q.transpose() * &q).try_inverse().unwrap();
                 let residual = |v: DVector<f64>| &v - &q * (&normal * (q.transpose() * &v));
-                let a = transport.side(side);
+                let a = multiply_rows(transport.side(side), &albedo[s]);
                 let clean: Vec<DVector<f64>> =
                     (0..a.ncols()).map(|n| residual(a.column(n).component_mul(&w))).collect();
                 for p in 0..3 {
@@ -434,8 +457,8 @@ mod tests {
     #[test]
     fn with_the_constant_alone_the_illumination_is_b_of_equation_12() {
         let transport = transport();
-        let weights = [vec![1.0; SIZE * SIZE], vec![1.0; SIZE * SIZE]];
-        let projection = Projection::new(&transport, &weights, &Nuisance::constant(SIZE * SIZE), Columns::Radiance);
+        let known = Pixels::uniform(&[vec![true; SIZE * SIZE], vec![true; SIZE * SIZE]]);
+        let projection = Projection::new(&transport, &known, &Nuisance::constant(SIZE * SIZE), Columns::Radiance);
         let b = [[0.01, -0.02, 0.03], [-0.04, 0.05, 0.06]];
         let x = |s: usize, n: usize| if n == 40 { [0.3, 0.1, 0.2 + s as f64] } else { [0.0; 3] };
         let mut y = PatchPair::zeros(SIZE);
@@ -458,9 +481,14 @@ mod tests {
 
     #[test]
     fn values_that_are_no_numbers_are_refused_with_their_place_unless_they_do_not_count() {
-        let mut weights = [vec![1.0; SIZE * SIZE], vec![1.0; SIZE * SIZE]];
-        weights[1][5] = 0.0;
-        let projection = Projection::new(&transport(), &weights, &Nuisance::constant(SIZE * SIZE), Columns::UnitNorm);
+        let mut counted = [vec![true; SIZE * SIZE], vec![true; SIZE * SIZE]];
+        counted[1][5] = false;
+        let projection = Projection::new(
+            &transport(),
+            &Pixels::uniform(&counted),
+            &Nuisance::constant(SIZE * SIZE),
+            Columns::UnitNorm,
+        );
         let mut out = projection.correlations();
         let mut y = measurement();
         y.right.plane_mut(2)[5] = f32::NAN;

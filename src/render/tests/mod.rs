@@ -49,7 +49,8 @@ impl Setting {
     fn scene(&self, changes: &[(usize, Intensity)]) -> Scene {
         let mut intensities = vec![Intensity::default(); self.grid.len()];
         changes.iter().for_each(|&(n, i)| intensities[n] = i);
-        Scene::new(&intensities, 0.0)
+        let radiance = vec![1.0; intensities.len()];
+        Scene::new(&intensities, [&radiance, &radiance], 0.0)
     }
 
     fn svg(&self, scene: &Scene, difference: Option<&PatchPair>, caption: &str) -> String {
