@@ -31,7 +31,17 @@ pub(super) fn product(a: &Pair, b: &Pair) -> f64 {
     a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum()
 }
 
-/// A fall of the objective below this share of ‖y‖² is rounding.
+/// Takes what light of one colour at one facet explains out of a side's correlations; `gram` is the facet's column.
+pub(super) fn take_out(correlations: &mut [Vec<f64>; 3], gram: &[f64], colour: [f64; 3]) {
+    let [red, green, blue] = correlations;
+    for (((red, green), blue), g) in red.iter_mut().zip(green).zip(blue).zip(gram) {
+        *red -= colour[0] * g;
+        *green -= colour[1] * g;
+        *blue -= colour[2] * g;
+    }
+}
+
+/// A fall of the objective below this share of its terms is rounding.
 const ROUNDING: f64 = 1e-15;
 
 /// The problem over the facets in play.
@@ -130,14 +140,8 @@ impl Active {
 
     /// Takes what a change of one facet explains out of the correlations.
     fn spread(&self, point: &mut Point, i: usize, change: Pair) {
-        for s in 0..2 {
-            let row = self.row(s, i);
-            for p in 0..3 {
-                let change = change[s][p];
-                for (value, g) in point.correlations[s][p].iter_mut().zip(row) {
-                    *value -= change * g;
-                }
-            }
+        for (s, (correlations, change)) in point.correlations.iter_mut().zip(change).enumerate() {
+            take_out(correlations, self.row(s, i), change);
         }
     }
 
@@ -195,8 +199,9 @@ impl Active {
             }
         }
         let new = self.kinds[i].minimise(&g, energy, lambda);
-        let fall = local_cost(&old, &g, energy, lambda) - local_cost(&new, &g, energy, lambda);
-        if fall <= ROUNDING * self.energy {
+        let cost = local_cost(&new, &g, energy, lambda);
+        let fall = local_cost(&old, &g, energy, lambda) - cost;
+        if fall <= ROUNDING * (lambda * new.left.hypot(new.right) - cost) {
             return 0.0;
         }
         let x = rank_one(&new);

@@ -1,6 +1,6 @@
 use nalgebra::DMatrix;
 
-use super::active::{Active, Planes, Point, lit, pair, product, rank_one};
+use super::active::{Active, Planes, Point, lit, pair, product, rank_one, take_out};
 use super::dual::dual_norm_above;
 use super::facet::Admissible;
 use super::newton::Newton;
@@ -112,37 +112,37 @@ impl Solver {
         solution.sweeps = 0;
         solution.capped = false;
         work.newton.reset();
-        let mut effort = Effort::Rough;
         if solution.warm {
             work.active.facets.clear();
             work.active.facets.extend((0..n).filter(|&k| lit(&solution.intensities[k])));
-            self.settle(frame, lambda, limits, effort, work, solution);
+            self.settle(frame, lambda, limits, Effort::Rough, work, solution);
         }
+        let (mut settled, mut moved) = (false, true);
         loop {
             self.correlate(frame, lambda, work, solution);
-            let entered = self.enter(lambda, limits, work, solution);
-            if solution.capped || (effort == Effort::Full && !entered) {
+            // A facet may want light by so little that taking it in changes nothing.
+            let entered = self.enter(lambda, limits, work, solution) && moved;
+            if solution.capped || (settled && !entered) {
                 break;
             }
-            effort = if entered { Effort::Rough } else { Effort::Full };
-            self.settle(frame, lambda, limits, effort, work, solution);
+            settled = !entered;
+            let effort = if entered { Effort::Rough } else { Effort::Full };
+            let fall = self.settle(frame, lambda, limits, effort, work, solution);
+            moved = fall > STILL * work.active.objective(&work.point);
         }
         self.certify(frame, lambda, work, solution);
     }
 
     /// Computes all facets' correlations at the solution and their dual norms.
     fn correlate(&self, frame: &Correlations, lambda: f64, work: &mut Workspace, solution: &Solution) {
-        let lights = || solution.intensities.iter().enumerate().filter(|(_, i)| lit(i));
-        for s in 0..2 {
-            for p in 0..3 {
-                let correlations = &mut work.correlations[s][p];
-                correlations.clone_from(&frame.rhs[s][p]);
-                for (n, i) in lights() {
-                    let x = [i.left, i.right][s] * i.colour[p];
-                    for (value, g) in correlations.iter_mut().zip(self.gram[s].column(n).iter()) {
-                        *value -= x * g;
-                    }
-                }
+        for (correlations, rhs) in work.correlations.iter_mut().flatten().zip(frame.rhs.iter().flatten()) {
+            correlations.clone_from(rhs);
+        }
+        let lights = solution.intensities.iter().enumerate().filter(|(_, i)| lit(i));
+        for (n, light) in lights {
+            let x = rank_one(light);
+            for ((correlations, gram), x) in work.correlations.iter_mut().zip(&self.gram).zip(x) {
+                take_out(correlations, gram.column(n).as_slice(), x);
             }
         }
         for (n, dual) in work.dual.iter_mut().enumerate() {
@@ -169,7 +169,7 @@ impl Solver {
         !wanting.is_empty()
     }
 
-    /// Descends over the facets in play.
+    /// Descends over the facets in play; returns by how much the objective fell.
     fn settle(
         &self,
         frame: &Correlations,
@@ -178,12 +178,13 @@ impl Solver {
         effort: Effort,
         work: &mut Workspace,
         solution: &mut Solution,
-    ) {
+    ) -> f64 {
         let Workspace { active, point, newton, .. } = work;
         active.load(&self.gram, frame, |n| (self.admissible[n], lambda * self.weights[n]));
         point.light.clear();
         point.light.extend(active.facets.iter().map(|&n| solution.intensities[n]));
         active.correlate(point);
+        let mut total = 0.0;
         loop {
             if solution.sweeps >= limits.sweeps {
                 solution.capped = true;
@@ -193,6 +194,7 @@ impl Solver {
             let newton_fall = newton.step(active, point);
             solution.sweeps += 2;
             let progress = fall + newton_fall.unwrap_or(0.0);
+            total += progress;
             let objective = active.objective(point);
             if effort == Effort::Rough && progress <= ROUGH * objective {
                 break;
@@ -208,6 +210,7 @@ impl Solver {
         for (&n, &light) in active.facets.iter().zip(&point.light) {
             solution.intensities[n] = light;
         }
+        total
     }
 
     /// Fills in what is known about the solution.

@@ -93,10 +93,12 @@ impl Newton {
         }
         let rounding = ROUNDING * active.energy();
         for _ in 0..TRIALS {
+            let mut at_end = false;
             if self.solve(active, point, true) || self.solve(active, point, false) {
                 let slope: f64 = self.gradient.iter().zip(&self.step).map(|(g, d)| g * d).sum();
                 self.take(active, point);
                 let fall = active.fall(point, &self.trial);
+                at_end = -slope <= 1e-3 * rounding;
                 // At the very end even the fall is rounding; the residual still tells better from worse.
                 let good = fall >= -GOOD * slope
                     || (fall >= -rounding && active.residual(&self.trial) < 0.5 * active.residual(point));
@@ -105,6 +107,9 @@ impl Newton {
                     std::mem::swap(point, &mut self.trial);
                     return Some(fall);
                 }
+            }
+            if at_end {
+                return None;
             }
             self.damping = (self.damping * DAMPING.more).clamp(DAMPING.first, DAMPING.most);
         }
