@@ -127,19 +127,13 @@ pub struct SolverConfig {
     pub lambda_factor: f64,
     /// Automatic λ: at least this share of the smallest λ with an empty map.
     pub lambda_share: f64,
-    /// Sweeps over facets that a frame may take.
-    pub max_sweeps: usize,
+    /// Steps that a frame may take.
+    pub max_steps: usize,
 }
 
 impl Default for SolverConfig {
     fn default() -> Self {
-        Self {
-            model: ModelKind::Signed,
-            lambda: Lambda::Auto,
-            lambda_factor: 1.0,
-            lambda_share: 0.15,
-            max_sweeps: 4000,
-        }
+        Self { model: ModelKind::Signed, lambda: Lambda::Auto, lambda_factor: 1.0, lambda_share: 0.15, max_steps: 400 }
     }
 }
 
@@ -277,7 +271,7 @@ impl Config {
         }
         within("solver.lambda_factor", self.solver.lambda_factor, 0.01, 100.0, "(a factor)")?;
         within("solver.lambda_share", self.solver.lambda_share, 0.0, 1.0, "(a share)")?;
-        within("solver.max_sweeps", self.solver.max_sweeps as f64, 1.0, 1e6, "sweeps")?;
+        within("solver.max_steps", self.solver.max_steps as f64, 1.0, 1e6, "steps")?;
         within("scene.unified_threshold", self.scene.unified_threshold, 0.0, 1.0, "(a share of the largest |c|)")
     }
 }
@@ -343,7 +337,7 @@ mod tests {
         let error = |text: &str| Config::parse(text).expect_err("refused").to_string();
         assert_eq!(
             error("[room]\ndepth_m = 3.0\n\n[solver]\nlamda = 1\n"),
-            "line 5: unknown field `lamda`, expected one of `model`, `lambda`, `lambda_factor`, `lambda_share`, `max_sweeps`"
+            "line 5: unknown field `lamda`, expected one of `model`, `lambda`, `lambda_factor`, `lambda_share`, `max_steps`"
         );
         assert_eq!(error("[solver]\nlambda = -1\n"), "solver.lambda is -1, expected \"auto\" or a number above 0");
         assert_eq!(error("[solver]\nlambda = nan\n"), "solver.lambda is NaN, expected \"auto\" or a number above 0");

@@ -32,7 +32,7 @@ fn next(socket: &mut tungstenite::WebSocket<std::net::TcpStream>) -> Result<Valu
 #[test]
 fn updates_come_live_and_are_the_same_everywhere() {
     let dir = recording(9);
-    let daemon = Daemon::start(&format!("replay:{},loop", dir.path().display()), &["--lambda", "0.01"]);
+    let daemon = Daemon::start(&format!("replay:{},loop", dir.path().display()), &[]);
     let mut socket = daemon.live();
     let mut last = None;
     let mut frames = Vec::new();
@@ -84,7 +84,7 @@ fn status_geometry_and_pictures_are_served() {
     let status = daemon.json("/api/v1/status");
     assert_eq!(status["source"]["notes"], "made by a test");
     assert_eq!(status["source"]["state"], "streaming");
-    assert_eq!(status["model"], "published");
+    assert_eq!(status["model"], "signed");
     let geometry = daemon.json("/api/v1/geometry");
     assert_eq!(geometry["facets"].as_array().unwrap().len(), 230);
     assert_eq!(geometry["foreground"].as_array().unwrap().len(), 230);

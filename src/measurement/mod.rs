@@ -2,6 +2,7 @@
 
 mod albedo;
 mod background;
+mod drift;
 mod homography;
 mod mask;
 mod noise;
@@ -12,9 +13,10 @@ mod resample;
 
 pub use albedo::relative_albedo;
 pub use background::Background;
+pub use drift::drift_patterns;
 pub use homography::{Homography, HomographyError};
 pub use mask::edge_foot_mask;
-pub use noise::{NoiseModel, drift_patterns};
+pub use noise::NoiseModel;
 pub use patch::{Patch, PatchPair};
 pub use radiometry::{Decoding, LightTable, Transfer, srgb_to_linear};
 pub use rectify::{CameraRectifier, PatchRectifier, WrongSize};

@@ -1,7 +1,3 @@
-//! What the empty room's frames say about noise and about the light's own variation.
-
-use nalgebra::{DMatrix, SymmetricEigen};
-
 use super::PatchPair;
 use crate::geometry::Side;
 
@@ -19,7 +15,7 @@ const QUIETEST: f64 = 2e-6;
 
 impl NoiseModel {
     /// Fits the model to the frames' variance over time, pixel by pixel; none with fewer than two frames.
-    pub fn from_frames(frames: &[PatchPair], counted: &[Vec<bool>; 2]) -> Option<Self> {
+    pub fn from_frames(frames: &[&PatchPair], counted: &[Vec<bool>; 2]) -> Option<Self> {
         if frames.len() < 2 {
             return None;
         }
@@ -76,67 +72,11 @@ impl NoiseModel {
     }
 }
 
-/// Per side, the patterns in which the frames vary over time beyond their noise and beyond `explained` patterns, strongest
-/// first: what lamps that drift apart do to the floor. At most `most`.
-pub fn drift_patterns(
-    frames: &[PatchPair],
-    explained: &[Vec<Vec<f64>>; 2],
-    counted: &[Vec<bool>; 2],
-    most: usize,
-) -> [Vec<Vec<f64>>; 2] {
-    [0, 1].map(|s| side_drift(frames, Side::BOTH[s], &explained[s], &counted[s], most))
-}
-
-fn side_drift(
-    frames: &[PatchPair],
-    side: Side,
-    explained: &[Vec<f64>],
-    counted: &[bool],
-    most: usize,
-) -> Vec<Vec<f64>> {
-    // Fewer frames do not tell a pattern from noise.
-    if frames.len() < 8 {
-        return Vec::new();
-    }
-    let pixels = counted.len();
-    let mut mean = vec![0.0; 3 * pixels];
-    for frame in frames {
-        let data = frame.side(side).data();
-        mean.iter_mut().zip(data).for_each(|(m, v)| *m += f64::from(*v) / frames.len() as f64);
-    }
-    let mut samples = DMatrix::from_fn(pixels, 3 * frames.len(), |k, j| {
-        let (frame, channel) = (j / 3, j % 3);
-        if !counted[k] {
-            return 0.0;
-        }
-        f64::from(frames[frame].side(side).plane(channel)[k]) - mean[channel * pixels + k]
-    });
-    let basis = DMatrix::from_fn(pixels, explained.len(), |k, j| if counted[k] { explained[j][k] } else { 0.0 });
-    let q = basis.qr().q();
-    samples -= &q * q.tr_mul(&samples);
-    let eigen = SymmetricEigen::new(samples.tr_mul(&samples));
-    let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
-    order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-    // Pure noise spreads its energy over all frames alike, but for the three that the mean took.
-    let median = eigen.eigenvalues[order[(order.len() - 3) / 2]];
-    let stands_out = |&&k: &&usize| eigen.eigenvalues[k] > 4.0 * median && eigen.eigenvalues[k] > 0.0;
-    order
-        .iter()
-        .take(most)
-        .take_while(stands_out)
-        .map(|&k| {
-            let pattern = &samples * eigen.eigenvectors.column(k);
-            let norm = pattern.norm();
-            pattern.iter().map(|v| v / norm).collect()
-        })
-        .collect()
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    const SIZE: usize = 32;
+    pub const SIZE: usize = 32;
 
     /// Reproducible normal numbers, by summing twelve uniform ones.
     struct Normal(u64);
@@ -151,7 +91,8 @@ mod tests {
         }
     }
 
-    fn frames(count: usize, noise: NoiseModel, drift: f64) -> Vec<PatchPair> {
+    /// Frames of a light that rises to the right, with a pattern of which more and more is added, and noise.
+    pub fn frames(count: usize, noise: NoiseModel, drift: f64) -> Vec<PatchPair> {
         let mut normal = Normal(3);
         (0..count)
             .map(|t| {
@@ -171,19 +112,19 @@ mod tests {
             .collect()
     }
 
-    fn all() -> [Vec<bool>; 2] {
+    pub fn all() -> [Vec<bool>; 2] {
         [vec![true; SIZE * SIZE], vec![true; SIZE * SIZE]]
     }
 
     #[test]
     fn shot_and_read_noise_are_found() {
         let truth = NoiseModel { read: 4e-6, shot: 2e-5 };
-        let found = NoiseModel::from_frames(&frames(20, truth, 0.0), &all()).unwrap();
+        let found = NoiseModel::from_frames(&frames(20, truth, 0.0).iter().collect::<Vec<_>>(), &all()).unwrap();
         for level in [0.1, 0.4, 0.7] {
             let ratio = found.sigma(level) / truth.sigma(level);
             assert!((ratio - 1.0).abs() < 0.03, "level {level}: {ratio}");
         }
-        assert!(NoiseModel::from_frames(&frames(1, truth, 0.0), &all()).is_none());
+        assert!(NoiseModel::from_frames(&frames(1, truth, 0.0).iter().collect::<Vec<_>>(), &all()).is_none());
     }
 
     #[test]
@@ -191,21 +132,5 @@ mod tests {
         let truth = NoiseModel { read: 1e-6, shot: 0.0 };
         let found = NoiseModel::from_texture(&frames(1, truth, 0.0)[0]);
         assert!((found.sigma(0.5) / 1e-3 - 1.0).abs() < 0.05, "{found:?}");
-    }
-
-    #[test]
-    fn a_drifting_lamp_is_a_pattern_and_noise_is_none() {
-        let noise = NoiseModel { read: 1e-6, shot: 0.0 };
-        let constant = || vec![vec![1.0; SIZE * SIZE]];
-        let explained = [constant(), constant()];
-        let none = drift_patterns(&frames(16, noise, 0.0), &explained, &all(), 3);
-        assert_eq!(none.map(|p| p.len()), [0, 0]);
-        let [left, right] = drift_patterns(&frames(16, noise, 0.02), &explained, &all(), 3);
-        assert_eq!((left.len(), right.len()), (1, 1));
-        let lamp: Vec<f64> = (0..SIZE * SIZE).map(|k| ((k / SIZE) as f64 / 6.0).sin()).collect();
-        let mean = lamp.iter().sum::<f64>() / lamp.len() as f64;
-        let norm = lamp.iter().map(|v| (v - mean).powi(2)).sum::<f64>().sqrt();
-        let cosine: f64 = left[0].iter().zip(&lamp).map(|(p, l)| p * (l - mean) / norm).sum();
-        assert!(cosine.abs() > 0.98, "{cosine}");
     }
 }

@@ -98,7 +98,7 @@ impl Model {
             lambda: config.solver.lambda,
             lambda_factor: config.solver.lambda_factor,
             lambda_share: config.solver.lambda_share,
-            limits: Limits { sweeps: config.solver.max_sweeps, ..Limits::default() },
+            limits: Limits { sweeps: config.solver.max_steps, ..Limits::default() },
             unified_threshold: config.scene.unified_threshold,
             preset: config.preset,
             grid,

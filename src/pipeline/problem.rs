@@ -7,7 +7,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::Model;
 use crate::config::Lambda;
 use crate::measurement::{Background, NoiseModel, PatchPair, drift_patterns, relative_albedo};
-use crate::solver::{Admissible, Columns, Correlations, ModelKind, Nuisance, Pixels, Projection, Solver};
+use crate::solver::{Admissible, Columns, ModelKind, Nuisance, Pixels, Projection, Solver};
 
 /// The inverse problem for one background: built when the empty room is known, used for every frame after.
 #[derive(Debug, Clone)]
@@ -34,9 +34,9 @@ enum Penalty {
 const DRIFT_PATTERNS: usize = 3;
 /// A level of light above which a pixel counts as saturated.
 const SATURATED: f32 = 0.98;
-/// How much stronger the noise of Aᵀy is than that of white noise where the frames of the empty room are too few to tell:
-/// compression and interpolation spread noise over neighbours.
-const COLOURED: f64 = 2.0;
+/// How much further noise reaches than white noise where the frames of the empty room are too few to tell: compression and
+/// interpolation spread noise over neighbours, and the background has noise of its own.
+const COLOURED: f64 = 3.0;
 /// Frames of the empty room from which on its own noise is measured.
 const ENOUGH: usize = 4;
 
@@ -66,62 +66,76 @@ impl Problem {
     /// Eq. 13 as it is written, in units of the noise, with unit-norm columns and without what exposure, flicker and drift
     /// can do.
     fn signed(model: &Model, background: &Background, difference: &PatchPair) -> Self {
-        let frames = background.kept();
-        let empty = background.mean();
-        let averaged = (1.0 + 1.0 / background.frames().max(1) as f64).sqrt();
-        let noise = match NoiseModel::from_frames(frames, &model.counted) {
-            Some(noise) => {
-                NoiseModel { read: noise.read * averaged * averaged, shot: noise.shot * averaged * averaged }
-            }
-            None => NoiseModel::from_texture(difference),
-        };
-        let sides = [&empty.left, &empty.right];
-        let weights = [0, 1].map(|s| {
-            let level = |k: usize| [0, 1, 2].map(|p| sides[s].plane(p)[k]);
-            let weight = |k: usize| {
-                let rgb = level(k);
-                let dark = !model.counted[s][k] || rgb.iter().any(|&v| v >= SATURATED);
-                if dark { 0.0 } else { noise.sigma(rgb.iter().map(|&v| f64::from(v)).sum::<f64>() / 3.0).recip() }
-            };
-            (0..model.patch.pixels()).map(weight).collect::<Vec<f64>>()
-        });
-        let used = [0, 1].map(|s| weights[s].iter().map(|&w| w > 0.0).collect::<Vec<bool>>());
-        let albedo = [0, 1].map(|s| relative_albedo(sides[s], &used[s]));
-        // Even light of the visible side shows the floor's albedo; an exposure step adds a multiple of the background's own
-        // picture, in each colour.
-        let gains = [0, 1].map(|s| {
-            let picture = |p: usize| sides[s].plane(p).iter().map(|&v| f64::from(v)).collect::<Vec<f64>>();
-            vec![albedo[s].clone(), picture(0), picture(1), picture(2)]
-        });
-        let [left_drift, right_drift] = drift_patterns(frames, &gains, &used, DRIFT_PATTERNS);
-        let [left, right] = gains;
-        let nuisance = Nuisance::new([[left, left_drift].concat(), [right, right_drift].concat()]);
-        let projection = Projection::new(&model.transport, &Pixels { weights, albedo }, &nuisance, Columns::UnitNorm);
-        let solver = Solver::new(projection.gram(), vec![Admissible::Signed; projection.facets()]);
+        let frames: Vec<&PatchPair> = background.kept().iter().collect();
+        let noise = noise(model, &frames, background.frames()).unwrap_or_else(|| NoiseModel::from_texture(difference));
+        let projection = signed_projection(model, background.mean(), &frames, noise);
+        let solver = signed_solver(&projection);
         let penalty = match model.lambda {
             Lambda::Fixed(lambda) => Penalty::Fixed(lambda),
-            Lambda::Auto => Penalty::Adaptive {
-                floor: model.lambda_factor * empty_room_reach(&projection, &solver, background),
-                share: model.lambda_share,
-            },
+            Lambda::Auto => {
+                let coloured = noise_colour(model, &frames).unwrap_or(COLOURED);
+                let floor = model.lambda_factor * coloured * white_noise_reach(&projection, &solver).quantile;
+                Penalty::Adaptive { floor, share: model.lambda_share }
+            }
         };
         Self { projection, solver, penalty }
     }
 
-    /// λ for a frame.
-    pub fn lambda(&self, frame: &Correlations) -> f64 {
+    /// λ for a frame whose map is empty from `lambda_max` on.
+    pub fn lambda(&self, lambda_max: f64) -> f64 {
         match self.penalty {
             Penalty::Fixed(lambda) => lambda,
-            Penalty::Adaptive { floor, share } => floor.max(share * self.solver.lambda_max(frame)),
+            Penalty::Adaptive { floor, share } => floor.max(share * lambda_max),
         }
     }
 }
 
-/// The λ above which the empty room's noise lights a facet in no more than one frame in a thousand.
-///
-/// The largest dual norm over the facets of white noise is simulated and fitted with a Gumbel distribution, as maxima have;
-/// the frames of the empty room tell how much stronger than white noise the real one is.
-fn empty_room_reach(projection: &Projection, solver: &Solver, background: &Background) -> f64 {
+/// Noise of a difference from the mean of `averaged` frames.
+fn noise(model: &Model, frames: &[&PatchPair], averaged: u64) -> Option<NoiseModel> {
+    let of_both = 1.0 + 1.0 / averaged.max(1) as f64;
+    let of_one = NoiseModel::from_frames(frames, &model.counted)?;
+    Some(NoiseModel { read: of_one.read * of_both, shot: of_one.shot * of_both })
+}
+
+fn signed_solver(projection: &Projection) -> Solver {
+    Solver::new(projection.gram(), vec![Admissible::Signed; projection.facets()])
+}
+
+/// The projection for differences from `empty`, which the frames are of.
+fn signed_projection(model: &Model, empty: &PatchPair, frames: &[&PatchPair], noise: NoiseModel) -> Projection {
+    let sides = [&empty.left, &empty.right];
+    let weights = [0, 1].map(|s| {
+        let weight = |k: usize| {
+            let rgb = [0, 1, 2].map(|p| sides[s].plane(p)[k]);
+            let unused = !model.counted[s][k] || rgb.iter().any(|&v| v >= SATURATED);
+            let level = rgb.iter().map(|&v| f64::from(v)).sum::<f64>() / 3.0;
+            if unused { 0.0 } else { noise.sigma(level).recip() }
+        };
+        (0..model.patch.pixels()).map(weight).collect::<Vec<f64>>()
+    });
+    let used = [0, 1].map(|s| weights[s].iter().map(|&w| w > 0.0).collect::<Vec<bool>>());
+    let albedo = [0, 1].map(|s| relative_albedo(sides[s], &used[s]));
+    // Even light of the visible side shows the floor's albedo; an exposure step adds a multiple of the background's own
+    // picture, in each colour.
+    let gains = [0, 1].map(|s| {
+        let picture = |p: usize| sides[s].plane(p).iter().map(|&v| f64::from(v)).collect::<Vec<f64>>();
+        vec![albedo[s].clone(), picture(0), picture(1), picture(2)]
+    });
+    let [left_drift, right_drift] = drift_patterns(frames, &gains, &used, DRIFT_PATTERNS);
+    let [left, right] = gains;
+    let nuisance = Nuisance::new([[left, left_drift].concat(), [right, right_drift].concat()]);
+    Projection::new(&model.transport, &Pixels { weights, albedo }, &nuisance, Columns::UnitNorm)
+}
+
+/// What white noise of unit variance does to the largest dual norm over the facets.
+struct Reach {
+    mean: f64,
+    /// Exceeded in one frame of a thousand.
+    quantile: f64,
+}
+
+/// Simulated, and fitted with a Gumbel distribution, as maxima have.
+fn white_noise_reach(projection: &Projection, solver: &Solver) -> Reach {
     const DRAWS: usize = 200;
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let mut drawn = projection.correlations();
@@ -134,24 +148,33 @@ fn empty_room_reach(projection: &Projection, solver: &Solver, background: &Backg
     let mean = maxima.iter().sum::<f64>() / DRAWS as f64;
     let variance = maxima.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (DRAWS - 1) as f64;
     // Quantile 0.999 of a Gumbel distribution of this mean and variance: β = σ √6 / π, mean + β (ln 1000 − 0.5772).
-    let reach = mean + (6.0 * variance).sqrt() / PI * (1000.0_f64.ln() - 0.577_2);
-    let frames = background.kept();
+    Reach { mean, quantile: mean + (6.0 * variance).sqrt() / PI * (1000.0_f64.ln() - 0.577_2) }
+}
+
+/// How much further than white noise the empty room's real noise reaches: everything is built from every other frame, as
+/// if only they were known, and the frames between, which had no say in it, are looked at. None with too few frames.
+///
+/// Built from half the frames, the background is noisier than the one in use; the measure errs on the safe side.
+fn noise_colour(model: &Model, frames: &[&PatchPair]) -> Option<f64> {
     if frames.len() < ENOUGH {
-        return COLOURED * reach;
+        return None;
     }
-    let n = frames.len() as f64;
-    // x_i − x̄ has the variance σ² (1 − 1/n); a new frame's difference will have σ² (1 + 1/n).
-    let unbiased = ((1.0 + 1.0 / n) / (1.0 - 1.0 / n)).sqrt();
-    let mut difference = PatchPair::zeros(frames[0].left.size());
-    let mut measured: Vec<f64> = frames
-        .iter()
+    let known: Vec<&PatchPair> = frames.iter().step_by(2).copied().collect();
+    let mut background = Background::new(known[0].left.size());
+    known.iter().for_each(|frame| background.learn(frame));
+    let noise = noise(model, &known, background.frames())?;
+    let projection = signed_projection(model, background.mean(), &known, noise);
+    let solver = signed_solver(&projection);
+    let mut difference = PatchPair::zeros(known[0].left.size());
+    let mut correlations = projection.correlations();
+    let mut maxima: Vec<f64> = (frames.iter().skip(1).step_by(2))
         .filter_map(|frame| {
             background.difference(frame, &mut difference);
-            projection.project(&difference, &mut drawn).ok()?;
-            Some(unbiased * solver.lambda_max(&drawn))
+            projection.project(&difference, &mut correlations).ok()?;
+            Some(solver.lambda_max(&correlations))
         })
         .collect();
-    let middle = measured.len() / 2;
-    let median = if measured.is_empty() { 0.0 } else { *measured.select_nth_unstable_by(middle, f64::total_cmp).1 };
-    reach * (median / mean).max(1.0)
+    let middle = maxima.len() / 2;
+    let median = if maxima.is_empty() { 0.0 } else { *maxima.select_nth_unstable_by(middle, f64::total_cmp).1 };
+    Some((median / white_noise_reach(&projection, &solver).mean).max(1.0))
 }

@@ -91,8 +91,11 @@ impl Reconstructor {
         problem.projection.project(&self.difference, correlations)?;
         let project_time = start.elapsed();
         let start = Instant::now();
-        let from = if self.warm_start { Start::Previous } else { Start::Empty };
-        let lambda = problem.lambda(correlations);
+        let lambda_max = problem.solver.lambda_max(correlations);
+        let lambda = problem.lambda(lambda_max);
+        // What is known to end empty starts empty: nothing of the frame before can stay by mistake.
+        let warm = self.warm_start && lambda_max > lambda;
+        let from = if warm { Start::Previous } else { Start::Empty };
         problem.solver.solve_into(correlations, lambda, self.model.limits, from, workspace, solution);
         let solve_time = start.elapsed();
         let scene = Scene::new(&solution.intensities, problem.projection.radiance(), self.model.unified_threshold);
