@@ -5,7 +5,9 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use doorcam::geometry::{Doorway, Facet, FacetGrid, GridSpec, Side};
 use doorcam::measurement::{PatchPair, edge_foot_mask};
-use doorcam::solver::{Admissible, Correlations, Limits, Projection, Solution, Solver, Start};
+use doorcam::solver::{
+    Admissible, Columns, Correlations, Limits, Nuisance, Pixels, Projection, Solution, Solver, Start,
+};
 use doorcam::transport::{Kernel, PatchGrid, PixelLayout, Transport, TransportSpec};
 
 const DOORWAY: Doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None };
@@ -56,14 +58,16 @@ fn walk(projection: &Projection) -> Vec<Correlations> {
 fn solves(criterion: &mut Criterion) {
     let grid = FacetGrid::new(&DOORWAY, &GridSpec::published()).expect("the published grid");
     let transport = Transport::new(&DOORWAY, &grid.facets, &SPEC);
-    let projection = Projection::new(&transport, [edge_foot_mask(&PATCH), edge_foot_mask(&PATCH)]);
-    let frames = walk(&projection);
+    let pixels = Pixels::uniform(&[edge_foot_mask(&PATCH), edge_foot_mask(&PATCH)]);
+    let constant = Nuisance::constant(PATCH.pixels());
     let published = |&f: &bool| if f { Admissible::Brighter } else { Admissible::EitherSign };
     let models = [
-        ("published", grid.foreground.iter().map(published).collect()),
-        ("signed", vec![Admissible::Signed; grid.len()]),
+        ("published", Columns::Radiance, grid.foreground.iter().map(published).collect()),
+        ("signed", Columns::UnitNorm, vec![Admissible::Signed; grid.len()]),
     ];
-    for (name, admissible) in models {
+    for (name, columns, admissible) in models {
+        let projection = Projection::new(&transport, &pixels, &constant, columns);
+        let frames = walk(&projection);
         let solver = Solver::new(projection.gram(), admissible);
         let lambda = 0.1 * solver.lambda_max(&frames[0]);
         let (mut workspace, mut solution) = (solver.workspace(), Solution::default());
