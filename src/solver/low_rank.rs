@@ -1,4 +1,4 @@
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{Cholesky, DMatrix, SymmetricEigen};
 
 /// Every column of U C differs from its column of A by at most this share of its norm: less than what the noise of a
 /// camera or an error of a millimetre in the doorway's width does to it.
@@ -15,36 +15,53 @@ pub(super) struct LowRank {
 }
 
 impl LowRank {
-    /// From the eigenvectors of AᵀA, which is small: U = A V / σ.
+    /// From the eigenvectors V of AᵀA, which is small: the first r columns of A V, made orthonormal.
     pub fn new(matrix: &DMatrix<f64>) -> Self {
-        let eigen = SymmetricEigen::new(matrix.tr_mul(matrix));
+        let transposed = matrix.transpose();
+        let eigen = SymmetricEigen::new(&transposed * matrix);
         let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
         order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-        let largest = order.first().map_or(0.0, |&k| eigen.eigenvalues[k]);
-        let norms: Vec<f64> = matrix.column_iter().map(|c| c.norm_squared()).collect();
-        let mut left = norms.clone();
-        let mut basis: Vec<DVector<f64>> = Vec::new();
-        for k in order {
-            let done = left.iter().zip(&norms).all(|(left, norm)| *left <= TOLERANCE * TOLERANCE * norm);
-            if done || eigen.eigenvalues[k] <= ROUNDING * ROUNDING * largest {
-                break;
-            }
-            let mut vector = matrix * eigen.eigenvectors.column(k);
-            // Small singular values come with large relative errors: make the vector orthogonal again.
-            for known in &basis {
-                let share = known.dot(&vector);
-                vector.axpy(-share, known, 1.0);
-            }
-            let norm = vector.norm();
-            vector /= norm;
-            for (n, left) in left.iter_mut().enumerate() {
-                *left -= vector.dot(&matrix.column(n)).powi(2);
-            }
-            basis.push(vector);
-        }
-        let basis = if basis.is_empty() { DMatrix::zeros(matrix.nrows(), 0) } else { DMatrix::from_columns(&basis) };
-        let core = basis.tr_mul(matrix);
+        let kept = rank(matrix, &eigen, &order);
+        let directions = DMatrix::from_fn(matrix.ncols(), kept, |i, j| eigen.eigenvectors[(i, order[j])]);
+        let mut basis = matrix * directions;
+        // Small singular values come with large relative errors; twice brings what is left of them down to rounding.
+        orthonormalise(&mut basis);
+        orthonormalise(&mut basis);
+        let core = basis.transpose() * matrix;
         Self { basis, core }
+    }
+}
+
+/// How many of the strongest directions leave no column with more than the tolerance, judged by the eigenvalues λ: column n
+/// has λ_k V_nk² along direction k.
+fn rank(matrix: &DMatrix<f64>, eigen: &SymmetricEigen<f64, nalgebra::Dyn>, order: &[usize]) -> usize {
+    let norms: Vec<f64> = matrix.column_iter().map(|c| c.norm_squared()).collect();
+    let mut left = norms.clone();
+    let largest = order.first().map_or(0.0, |&k| eigen.eigenvalues[k]);
+    for (taken, &k) in order.iter().enumerate() {
+        let value = eigen.eigenvalues[k];
+        let done = left.iter().zip(&norms).all(|(left, norm)| *left <= TOLERANCE * TOLERANCE * norm);
+        if done || value <= ROUNDING * ROUNDING * largest {
+            return taken;
+        }
+        for (left, share) in left.iter_mut().zip(eigen.eigenvectors.column(k).iter()) {
+            *left -= value * share * share;
+        }
+    }
+    order.len()
+}
+
+/// Makes columns that are nearly orthogonal orthonormal: with BᵀB = L Lᵀ, B becomes B L⁻ᵀ.
+fn orthonormalise(basis: &mut DMatrix<f64>) {
+    for mut column in basis.column_iter_mut() {
+        let norm = column.norm();
+        column /= norm;
+    }
+    if let Some(factor) = Cholesky::new(basis.transpose() * &*basis) {
+        let mut transposed = basis.transpose();
+        if factor.l().solve_lower_triangular_mut(&mut transposed) {
+            *basis = transposed.transpose();
+        }
     }
 }
 
@@ -58,8 +75,14 @@ mod tests {
         let matrix = DMatrix::from_fn(300, 60, |i, j| (-((i as f64 - 5.0 * j as f64) / 40.0).powi(2)).exp());
         let LowRank { basis, core } = LowRank::new(&matrix);
         assert!(basis.ncols() < 60, "rank {}", basis.ncols());
-        let identity = basis.tr_mul(&basis);
+        let identity = basis.transpose() * &basis;
         assert!((identity - DMatrix::identity(basis.ncols(), basis.ncols())).amax() < 1e-9);
         assert!((&basis * &core - &matrix).amax() < 1e-4 * matrix.amax());
+    }
+
+    #[test]
+    fn nothing_at_all_has_rank_zero() {
+        let LowRank { basis, core } = LowRank::new(&DMatrix::zeros(30, 4));
+        assert_eq!((basis.ncols(), core.shape()), (0, (0, 4)));
     }
 }

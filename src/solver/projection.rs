@@ -1,5 +1,4 @@
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 use super::low_rank::LowRank;
 use super::nuisance::Nuisance;
@@ -121,13 +120,14 @@ pub enum ProjectionError {
 impl Projection {
     /// Weighs, frees of nuisances, scales and factors the columns of `transport`.
     pub fn new(transport: &Transport, pixels: &Pixels, nuisance: &Nuisance, columns: Columns) -> Self {
-        let sides = [0, 1].map(|s| {
+        let project = |s: usize| {
             let (weights, albedo) = (&pixels.weights[s], &pixels.albedo[s]);
             let rows: Vec<f64> = weights.iter().zip(albedo).map(|(w, a)| w * a).collect();
             let weighted = multiply_rows(transport.side(Side::BOTH[s]), &rows);
             ProjectedSide::new(weighted, weights, nuisance.side(s), columns)
-        });
-        let gram = [&sides[0], &sides[1]].map(|side| gram(&side.core));
+        };
+        let sides: [ProjectedSide; 2] = rayon::join(|| project(0), || project(1)).into();
+        let gram = [&sides[0], &sides[1]].map(|side| side.core.transpose() * &side.core);
         Self { facets: transport.left.ncols(), sides, gram }
     }
 
@@ -346,19 +346,6 @@ fn dot3(a: &[f32], planes: &[Vec<f32>; 3]) -> [f64; 3] {
         }
     }
     sums
-}
-
-/// CᵀC, columns in parallel.
-fn gram(core: &DMatrix<f64>) -> DMatrix<f64> {
-    let n = core.ncols();
-    let mut product = DMatrix::zeros(n, n);
-    product.as_mut_slice().par_chunks_mut(n.max(1)).enumerate().for_each(|(j, out)| {
-        let column = core.column(j);
-        for (i, value) in out.iter_mut().enumerate() {
-            *value = core.column(i).dot(&column);
-        }
-    });
-    product
 }
 
 #[cfg(test)]

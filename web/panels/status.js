@@ -42,7 +42,7 @@ export function showStatus(status) {
 
   const preset = status.preset && status.preset !== status.model ? `, preset ${status.preset}` : "";
   setText(byId("model"), status.model + preset);
-  setText(byId("lambda"), String(status.lambda));
+  setText(byId("lambda"), String(Number(status.lambda.toPrecision(4))));
   setText(byId("version"), `doorcam ${status.version}`);
   setText(byId("uptime"), `running for ${duration(status.uptime_s)}`);
 }
