@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::{GridSpec, Room};
+use crate::geometry::{GridSpec, Point, Room};
 use crate::solver::ModelKind;
 use crate::transport::Kernel;
 
@@ -91,11 +91,33 @@ pub struct PatchConfig {
     pub fov_m: f64,
     /// Pixels along each side.
     pub pixels: usize,
+    /// Parts of the floor that do not count.
+    pub exclude: Vec<Rectangle>,
+}
+
+/// A rectangle of floor, sides along the door frame's axes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rectangle {
+    /// One corner: (x, y) in the door frame, in metres.
+    pub from_m: Point,
+    /// The opposite corner.
+    pub to_m: Point,
+}
+
+impl Rectangle {
+    /// Whether a point of the floor is in it.
+    pub fn contains(&self, point: Point) -> bool {
+        (0..2).all(|k| {
+            let (a, b) = (self.from_m[k], self.to_m[k]);
+            (a.min(b)..=a.max(b)).contains(&point[k])
+        })
+    }
 }
 
 impl Default for PatchConfig {
     fn default() -> Self {
-        Self { fov_m: 0.3, pixels: 64 }
+        Self { fov_m: 0.3, pixels: 64, exclude: Vec::new() }
     }
 }
 
@@ -229,7 +251,7 @@ impl Config {
         if let Some(Preset::Published) = preset {
             self.room = Room::default();
             self.grid = GridConfig::default();
-            self.patch = PatchConfig { fov_m: 0.15, pixels: 64 };
+            self.patch = PatchConfig { fov_m: 0.15, pixels: 64, ..self.patch };
             self.transport = TransportConfig { kernel: Kernel::Published, facet_height_m: 2.0 };
             self.solver.model = ModelKind::Published;
         }

@@ -84,6 +84,12 @@ fn an_unknown_key_or_bad_value_of_the_configuration_is_refused() {
         failure(&["check-config", path]),
         format!("doorcam: {path}: patch.pixels is 4, expected 8 to 256 pixels")
     );
+    std::fs::write(&file, "[patch]\nexclude = [{ from_m = [-9, -9], to_m = [0, 0] }]\n").unwrap();
+    let everything = failure(&["reconstruct", recording.path().to_str().unwrap(), "--config", path]);
+    assert!(
+        everything.ends_with("patch.exclude leaves 0 pixels of the left patch, expected at least 64"),
+        "{everything}"
+    );
     std::fs::write(&file, "[patch]\npixels = 32\n").unwrap();
     assert_eq!(run(&["check-config", path]).status.code(), Some(0));
 }

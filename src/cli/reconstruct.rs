@@ -123,7 +123,7 @@ impl<'a> Pictures<'a> {
         };
         let solution = &published.update.solution;
         let caption = format!(
-            "{}, frame {frame}: λ = {}, objective {:.5}, {} facets changed",
+            "{}, frame {frame}: λ = {:.4}, objective {:.5}, {} facets changed",
             self.title,
             solution.lambda,
             solution.objective,

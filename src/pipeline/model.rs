@@ -1,5 +1,5 @@
 use crate::config::{Config, Lambda, Preset};
-use crate::geometry::{Doorway, FacetGrid, GeometryError};
+use crate::geometry::{Doorway, FacetGrid, GeometryError, Side};
 use crate::measurement::{PatchPair, edge_foot_mask};
 use crate::render::ReconstructionPicture;
 use crate::scene::Scene;
@@ -15,6 +15,16 @@ pub enum SetupError {
     /// The recording's floor points do not fix the floor.
     #[error(transparent)]
     Homography(#[from] crate::measurement::HomographyError),
+    /// Too much of a patch is excluded.
+    #[error("patch.exclude leaves {count} pixels of the {side} patch, expected at least {least}")]
+    PatchExcluded {
+        /// Which patch.
+        side: &'static str,
+        /// Pixels that count.
+        count: usize,
+        /// How many are needed.
+        least: usize,
+    },
     /// The camera does not see enough of a patch.
     #[error(
         "the camera sees {seen} of the {all} pixels of the {side} patch; expected at least half (patch.fov_m is {fov_m})"
@@ -30,6 +40,9 @@ pub enum SetupError {
         fov_m: f64,
     },
 }
+
+/// Fewer pixels than this cannot tell facets apart.
+const LEAST_PIXELS: usize = 64;
 
 /// Everything that is known before the first frame: geometry, transport and what the configuration asks for.
 #[derive(Debug, Clone)]
@@ -82,10 +95,21 @@ impl Model {
     ) -> Result<Self, SetupError> {
         let grid = FacetGrid::new(&doorway, &config.grid_spec())?;
         let foot = edge_foot_mask(&patch);
-        let counted = match seen {
+        let excluded = |side: Side, k: usize| {
+            let point = patch.point(&doorway, side, k / patch.size, k % patch.size);
+            config.patch.exclude.iter().any(|rectangle| rectangle.contains(point))
+        };
+        let mut counted: [Vec<bool>; 2] = match seen {
             None => [foot.clone(), foot],
             Some(seen) => seen.map(|side| side.iter().zip(&foot).map(|(&s, &f)| s && f).collect()),
         };
+        for (counted, side) in counted.iter_mut().zip(Side::BOTH) {
+            counted.iter_mut().enumerate().for_each(|(k, counts)| *counts &= !excluded(side, k));
+            let count = counted.iter().filter(|&&c| c).count();
+            if count < LEAST_PIXELS {
+                return Err(SetupError::PatchExcluded { side: side.name(), count, least: LEAST_PIXELS });
+            }
+        }
         let spec =
             TransportSpec { kernel: config.transport.kernel, facet_height_m: config.transport.facet_height_m, patch };
         let transport = Transport::new(&doorway, &grid.facets, &spec);
@@ -114,5 +138,27 @@ impl Model {
     ) -> ReconstructionPicture<'a> {
         let Self { doorway, grid, patch, .. } = self;
         ReconstructionPicture { doorway, grid, patch, scene, difference, caption }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Rectangle;
+
+    #[test]
+    fn excluded_floor_does_not_count() {
+        let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None };
+        let mut config = Config::default();
+        config.patch.pixels = 32;
+        let patch = Model::patch_grid(&config, None);
+        let whole = Model::new(&config, doorway, patch, None).unwrap();
+        // The half of the right patch that is farther from the wall: y below -0.25.
+        config.patch.exclude = vec![Rectangle { from_m: [0.8, -0.25], to_m: [0.0, -9.0] }];
+        let part = Model::new(&config, doorway, patch, None).unwrap();
+        assert_eq!(part.counted[0], whole.counted[0]);
+        for k in 0..patch.pixels() {
+            assert_eq!(part.counted[1][k], whole.counted[1][k] && k / 32 < 16, "row {}", k / 32);
+        }
     }
 }

@@ -30,7 +30,7 @@ impl Pictures {
     ) -> Option<Result<Bytes, render::RenderError>> {
         let scene = of.scene.as_ref()?;
         Some(drawn(&self.reconstruction, of, || {
-            let caption = format!("{}, λ = {}", of.update.time, of.update.solution.lambda);
+            let caption = format!("{}, λ = {:.4}", of.update.time, of.update.solution.lambda);
             let svg = render::reconstruction_svg(&model.picture(scene, of.difference.as_ref(), &caption));
             render::png(&svg, WIDTH)
         }))
