@@ -161,3 +161,17 @@ fn import_lists_what_is_missing_and_overwrites_only_when_told() {
     assert_eq!(nothing.status.code(), Some(1));
     assert!(stderr(&nothing).contains("no measurement of DoorwayCameraCode found"));
 }
+
+#[test]
+fn random_starts_find_nothing_much_better() {
+    let Some(recordings) = imported() else { return };
+    for (scene, lambda) in [("lab-2", "0.05"), ("syn-0", "0.2")] {
+        let recording = recordings.path().join(scene);
+        let path = recording.to_str().expect("UTF-8");
+        let output = run(&["reconstruct", path, "--preset", "published", "--lambda", lambda, "--audit", "20"]);
+        let said = stderr(&output);
+        let best = said.split("the best of 20 random starts ").nth(1).expect("an audit");
+        let best: f64 = best.split(' ').next().and_then(|number| number.parse().ok()).expect("a number");
+        assert!((0.995..=1.0).contains(&best), "{scene}: {said}");
+    }
+}

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use doorcam::pipeline::{Model, Published, StepError};
 use doorcam::render;
+use doorcam::solver::Audit;
 use doorcam::source::recording::Entry;
 use jiff::{SignedDuration, Timestamp};
 
@@ -27,6 +28,10 @@ pub(super) struct Arguments {
     /// Write pictures here: reconstruction_N.svg and .png, difference_N.png
     #[arg(long, value_name = "DIR")]
     output: Option<PathBuf>,
+    /// Solve each frame again from N random starts, and with two lights allowed in each facet, and say on stderr how the
+    /// objectives compare: slow
+    #[arg(long, value_name = "N")]
+    audit: Option<usize>,
     #[command(flatten)]
     model: ModelOptions,
 }
@@ -74,6 +79,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
                     writeln!(stdout, "{}", published.json)?;
                     stdout.flush()?;
                 }
+                if let Some(audit) = arguments.audit.filter(|_| published.scene.is_some()).and_then(|n| engine.audit(n))
+                {
+                    progress.suspend(|| report(entry.index, published.update.solution.objective, &audit));
+                }
                 if let Some(pictures) = &pictures {
                     pictures.write(&model, entry.index, &published)?;
                 }
@@ -91,6 +100,19 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         tracing::warn!("{skipped} frames skipped");
     }
     Ok(())
+}
+
+fn report(frame: u64, objective: f64, audit: &Audit) {
+    let relative = |value: f64| value / objective;
+    tracing::info!(
+        "frame {frame}: objective {objective:.6}; relative to it, the best of {} random starts {:.6} ({:.0} % of them agree), \
+         two lights a facet {:.6}, proven bound {:.6}",
+        audit.starts,
+        relative(audit.best),
+        100.0 * audit.agreeing,
+        relative(audit.two_lights),
+        relative(audit.bound)
+    );
 }
 
 /// A recording's own clock, counted from the epoch: it has no date.

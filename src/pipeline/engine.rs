@@ -5,6 +5,7 @@ use jiff::Timestamp;
 use super::hub::Published;
 use super::{FrameReader, ReadTimes, Reconstruction, Reconstructor, Timing, Update};
 use crate::measurement::PatchPair;
+use crate::solver::Audit;
 use crate::source::{RawFrame, SkippedFrame};
 
 /// The whole way of a frame, from encoded images to an update: the same online and offline.
@@ -34,6 +35,11 @@ impl Engine {
     pub fn new(reader: FrameReader, reconstructor: Reconstructor) -> Self {
         let pair = PatchPair::zeros(reader.patch().size);
         Self { reader, reconstructor, pair, sequence: 0, watching: false }
+    }
+
+    /// How good the last frame's solution is among those from `starts` random starts; none before the first one.
+    pub fn audit(&self, starts: usize) -> Option<Audit> {
+        self.reconstructor.audit(starts)
     }
 
     /// Learns from the frame if it shows the empty room and none was reconstructed yet, otherwise reconstructs it.

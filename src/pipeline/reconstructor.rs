@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 use super::{Model, Problem};
 use crate::measurement::{Background, PatchPair};
 use crate::scene::{Rgb, Scene};
-use crate::solver::{Correlations, ProjectionError, Solution, Start, Workspace};
+use crate::solver::{Audit, Correlations, ProjectionError, Solution, Start, Workspace, audit};
 
 /// The stages from a patch pair to a scene, with what they remember between frames.
 pub struct Reconstructor {
@@ -30,6 +30,8 @@ pub struct Reconstruction {
     pub solution: Solution,
     /// Views and unified map.
     pub scene: Scene,
+    /// Per facet, the factor of a least-squares refit on the support: brightness without the penalty's shrinkage.
+    pub refit: Vec<f64>,
     /// Mean change of the visible side's light: left, right. With the published model, b of eq. 12.
     pub illumination: [Rgb; 2],
     /// Time for the difference.
@@ -62,6 +64,12 @@ impl Reconstructor {
     pub fn learn(&mut self, pair: &PatchPair) {
         self.background.learn(pair);
         self.problem = None;
+    }
+
+    /// How good the last frame's solution is among those from `starts` random starts; none before the first one.
+    pub fn audit(&self, starts: usize) -> Option<Audit> {
+        let Prepared { problem, correlations, solution, .. } = self.problem.as_ref()?;
+        Some(audit(&problem.solver, correlations, solution.lambda, self.model.limits, starts))
     }
 
     /// The last frame's difference measurement (eq. 4).
@@ -103,7 +111,8 @@ impl Reconstructor {
             let i = &solution.intensities[n];
             i.colour.map(|v| [i.left, i.right][s] * v)
         });
+        let refit = problem.solver.refit(correlations, solution);
         let solution = solution.clone();
-        Ok(Some(Reconstruction { solution, scene, illumination, background_time, project_time, solve_time }))
+        Ok(Some(Reconstruction { solution, scene, refit, illumination, background_time, project_time, solve_time }))
     }
 }

@@ -2,7 +2,7 @@ use jiff::Timestamp;
 use serde::Serialize;
 
 use super::{Model, Reconstruction};
-use crate::scene::{Rgb, Scene};
+use crate::scene::Rgb;
 
 /// Whether the map can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -59,8 +59,12 @@ pub struct SolutionReport {
     pub penalty: f64,
     /// A proven lower bound on the objective.
     pub bound: f64,
-    /// Sweeps over the facets.
+    /// The largest violation of a first-order condition, as a share of λ: 0 at a stationary point.
+    pub residual: f64,
+    /// Sweeps over the facets and Newton steps.
     pub iterations: usize,
+    /// Whether the cap on them ended it, with the best point so far.
+    pub capped: bool,
     /// Whether the previous frame's map was the start.
     pub warm: bool,
 }
@@ -85,6 +89,12 @@ pub struct FacetReport {
     pub right: [f32; 3],
     /// In the unified map.
     pub unified: [f32; 3],
+    /// The factor by which a least-squares refit multiplies this facet's light: its brightness without the penalty's
+    /// shrinkage.
+    pub refit: f32,
+    /// Whether a second light, of another colour or balance of left and right, would serve as well here: one colour for
+    /// both views is then a bad fit.
+    pub wants_second: bool,
 }
 
 /// A tracked person. There is no tracker yet, so there is no value of this type.
@@ -147,17 +157,20 @@ impl Update {
                 data: solution.data,
                 penalty: solution.penalty,
                 bound: solution.bound,
+                residual: solution.residual,
                 iterations: solution.sweeps,
+                capped: solution.capped,
                 warm: solution.warm,
             },
             illumination: Illumination { left, right },
-            facets: facets(&reconstruction.scene),
+            facets: facets(reconstruction),
             ..Self::learning(model, sequence, time, frame, timing_ms)
         }
     }
 }
 
-fn facets(scene: &Scene) -> Vec<FacetReport> {
+fn facets(reconstruction: &Reconstruction) -> Vec<FacetReport> {
+    let Reconstruction { scene, solution, refit, .. } = reconstruction;
     let single = |rgb: Rgb| rgb.map(|v| v as f32);
     scene
         .nonzero()
@@ -166,6 +179,8 @@ fn facets(scene: &Scene) -> Vec<FacetReport> {
             left: single(scene.left[n]),
             right: single(scene.right[n]),
             unified: single(scene.unified[n]),
+            refit: refit[n] as f32,
+            wants_second: solution.wants_second.get(n).copied().unwrap_or(false),
         })
         .collect()
 }

@@ -64,6 +64,37 @@ impl Solver {
         Self { weights, ..self }
     }
 
+    /// Number of facets, N.
+    pub fn facets(&self) -> usize {
+        self.admissible.len()
+    }
+
+    /// What facet `n` may be.
+    pub(super) fn admissible(&self, n: usize) -> Admissible {
+        self.admissible[n]
+    }
+
+    /// ⟨A_n, A_m⟩ of one side.
+    pub(super) fn gram(&self, side: usize, n: usize, m: usize) -> f64 {
+        self.gram[side][(n, m)]
+    }
+
+    /// The mean energy of facet `n`'s two columns.
+    pub(super) fn energy(&self, n: usize) -> f64 {
+        self.gram.iter().map(|gram| gram[(n, n)]).sum::<f64>() / 2.0
+    }
+
+    /// The same problem with every facet there twice: two lights of different colour and balance may share a place.
+    pub(super) fn doubled(&self) -> Self {
+        let n = self.facets();
+        let gram = |g: &DMatrix<f64>| DMatrix::from_fn(2 * n, 2 * n, |i, j| g[(i % n, j % n)]);
+        Self {
+            gram: [gram(&self.gram[0]), gram(&self.gram[1])],
+            admissible: [self.admissible.as_slice(), &self.admissible].concat(),
+            weights: [self.weights.as_slice(), &self.weights].concat(),
+        }
+    }
+
     /// Room for [`Solver::solve_into`].
     pub fn workspace(&self) -> Workspace {
         let n = self.admissible.len();

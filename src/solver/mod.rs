@@ -9,6 +9,7 @@
 //! one angle ([`facet`]); [`Solver`] descends over facets.
 
 mod active;
+mod audit;
 mod cholesky;
 mod descent;
 mod dual;
@@ -18,9 +19,11 @@ mod low_rank;
 mod newton;
 mod nuisance;
 mod projection;
+mod refit;
 mod solution;
 mod stationarity;
 
+pub use audit::{Audit, audit};
 pub use descent::{Solver, Workspace};
 pub use facet::Admissible;
 pub use kind::ModelKind;

@@ -1,0 +1,78 @@
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal, Uniform};
+
+use super::projection::Correlations;
+use super::solution::{Limits, Solution, Start};
+use super::{Admissible, Solver};
+use crate::scene::Intensity;
+
+/// How good a solution is among what else can be found: slow, for tests and offline use.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Audit {
+    /// Random starts tried.
+    pub starts: usize,
+    /// The lowest objective that any of them led to.
+    pub best: f64,
+    /// The share of them that led to within 0.1 % of the lowest.
+    pub agreeing: f64,
+    /// The lowest objective found with two lights of different colour allowed in each facet.
+    pub two_lights: f64,
+    /// Lower bound on all of these, the largest one found.
+    pub bound: f64,
+}
+
+/// Solves a frame again from `starts` random starts, reproducibly, and once with every facet doubled.
+pub fn audit(solver: &Solver, frame: &Correlations, lambda: f64, limits: Limits, starts: usize) -> Audit {
+    let mut random = ChaCha8Rng::seed_from_u64(starts as u64);
+    let typical = solver.lambda_max(frame);
+    let solve = |solver: &Solver, frame: &Correlations, start: Option<Vec<Intensity>>| {
+        let from = if start.is_some() { Start::Previous } else { Start::Empty };
+        let mut solution = Solution { intensities: start.unwrap_or_default(), ..Solution::default() };
+        solver.solve_into(frame, lambda, limits, from, &mut solver.workspace(), &mut solution);
+        solution
+    };
+    let cold = solve(solver, frame, None);
+    let mut bound = cold.bound;
+    let objectives: Vec<f64> = (0..starts)
+        .map(|_| {
+            let start = (0..solver.facets()).map(|n| random_light(solver, n, typical, &mut random)).collect();
+            let solution = solve(solver, frame, Some(start));
+            bound = bound.max(solution.bound);
+            solution.objective()
+        })
+        .collect();
+    let best = objectives.iter().copied().fold(cold.objective(), f64::min);
+    let agreeing = objectives.iter().filter(|&&o| o <= best * 1.001).count() as f64 / starts.max(1) as f64;
+    let two_lights = solve(&solver.doubled(), &doubled(frame), None).objective().min(best);
+    Audit { starts, best, agreeing, two_lights, bound }
+}
+
+/// One facet in five with a light of random balance and colour, about as strong as the strongest facet alone would be.
+fn random_light(solver: &Solver, n: usize, typical: f64, random: &mut ChaCha8Rng) -> Intensity {
+    let mut normal = || -> f64 { StandardNormal.sample(random) };
+    let (strength, left, right) = (normal(), normal(), normal());
+    let colour = [normal(), normal(), normal()];
+    let lit = Uniform::new(0.0, 1.0).is_ok_and(|unit| unit.sample(random) < 0.2_f64);
+    let energy = solver.energy(n);
+    if !lit || energy <= 0.0 {
+        return Intensity::default();
+    }
+    let (left, right) = match solver.admissible(n) {
+        Admissible::EitherSign => (left, right),
+        Admissible::Brighter | Admissible::Signed => (left.abs(), right.abs()),
+    };
+    let colour = match solver.admissible(n) {
+        Admissible::Signed => colour,
+        Admissible::Brighter | Admissible::EitherSign => colour.map(f64::abs),
+    };
+    let norm = colour.iter().map(|v| v * v).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+    let scale = 0.3 * strength.abs() * typical / energy;
+    Intensity { left: scale * left, right: scale * right, colour: colour.map(|v| v / norm) }
+}
+
+/// The correlations of a problem in which every facet is there twice.
+fn doubled(frame: &Correlations) -> Correlations {
+    let rhs = [0, 1].map(|s| [0, 1, 2].map(|p| [frame.rhs[s][p].as_slice(), &frame.rhs[s][p]].concat()));
+    Correlations::new(rhs, frame.energy)
+}
