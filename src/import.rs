@@ -4,9 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::geometry::{Doorway, Side};
-use crate::measurement::Transfer;
 use crate::source::image::{Image, Samples};
-use crate::source::recording::{Layout, Manifest};
+use crate::source::recording::{Layout, Manifest, Transfer};
 
 /// Why nothing, or not everything, could be imported.
 #[derive(Debug, thiserror::Error)]

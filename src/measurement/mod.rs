@@ -18,6 +18,6 @@ pub use homography::{Homography, HomographyError};
 pub use mask::edge_foot_mask;
 pub use noise::NoiseModel;
 pub use patch::{Patch, PatchPair};
-pub use radiometry::{Decoding, LightTable, Transfer, srgb_to_linear};
+pub use radiometry::{Decoding, LightTable, srgb_to_linear};
 pub use rectify::{CameraRectifier, PatchRectifier, WrongSize};
 pub use resample::{Filter, PatchResampler};

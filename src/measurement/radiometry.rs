@@ -1,16 +1,5 @@
-use serde::{Deserialize, Serialize};
-
 use crate::source::image::{Image, Samples};
-
-/// The transfer function with which a recording's images are encoded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Transfer {
-    /// IEC 61966-2-1.
-    Srgb,
-    /// Codes are proportional to light.
-    Linear,
-}
+use crate::source::recording::Transfer;
 
 /// How an image's codes become light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -167,8 +167,9 @@ fn bilinear([u, v]: [f64; 2], width: usize, height: usize, out: &mut Vec<(u32, f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measurement::{Decoding, Transfer};
+    use crate::measurement::Decoding;
     use crate::source::image::Samples;
+    use crate::source::recording::Transfer;
     use crate::transport::PixelLayout;
 
     const DOORWAY: Doorway = Doorway { width_m: 0.6, wall_thickness_m: 0.1, height_m: None };

@@ -158,8 +158,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::measurement::{Decoding, Transfer};
+    use crate::measurement::Decoding;
     use crate::source::image::Samples;
+    use crate::source::recording::Transfer;
 
     fn apply(image: &Image, fraction: f64, size: usize, filter: Filter) -> Patch {
         let mut patch = Patch::zeros(size);

@@ -6,9 +6,8 @@ use serde::Serialize;
 
 use super::{Renderer, Scenario, Sensor};
 use crate::geometry::Side;
-use crate::measurement::Transfer;
 use crate::scene::Rgb;
-use crate::source::recording::{Layout, Manifest};
+use crate::source::recording::{Layout, Manifest, Transfer};
 
 /// Why a recording was not written.
 #[derive(Debug, thiserror::Error)]

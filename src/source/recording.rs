@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use super::SourceError;
 use crate::geometry::{Doorway, Point, Side};
-use crate::measurement::Transfer;
 
 /// `recording.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -35,6 +34,16 @@ pub struct Manifest {
     /// Where the recording comes from, for people.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub notes: String,
+}
+
+/// The transfer function with which a recording's images are encoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Transfer {
+    /// IEC 61966-2-1.
+    Srgb,
+    /// Codes are proportional to light.
+    Linear,
 }
 
 /// What the images of a recording show.

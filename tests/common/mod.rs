@@ -8,8 +8,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use doorcam::geometry::Doorway;
-use doorcam::measurement::Transfer;
-use doorcam::source::recording::{Layout, Manifest};
+use doorcam::source::recording::{Layout, Manifest, Transfer};
 
 /// A path below the reference data, or none, saying so, if this machine does not have it.
 pub fn data(path: &str) -> Option<PathBuf> {
