@@ -138,6 +138,17 @@ fn a_recording_whose_background_is_broken_fails_and_says_so() {
 }
 
 #[test]
+fn a_background_in_the_middle_of_a_recording_is_waited_for() {
+    let mut manifest = manifest();
+    manifest.background_frames = Some([3, 5]);
+    let dir = grey_recording(&manifest, 8);
+    let daemon = Daemon::start(&format!("replay:{},rate=max", dir.path().display()), &[]);
+    let status = daemon.wait_for("the end", |s| s["source"]["state"] == "ended");
+    assert_eq!(status["frames"]["solved"], 8);
+    assert_eq!(daemon.json("/api/v1/reconstruction")["state"], "watching");
+}
+
+#[test]
 fn it_ends_within_two_seconds_and_tells_its_clients() {
     let dir = recording(9);
     let mut daemon = Daemon::start(&format!("replay:{},loop", dir.path().display()), &[]);

@@ -6,6 +6,7 @@ use anyhow::{Context, bail};
 use doorcam::pipeline::{Model, Published, StepError};
 use doorcam::render;
 use doorcam::solver::Audit;
+use doorcam::source::Purpose;
 use doorcam::source::recording::Entry;
 use jiff::{SignedDuration, Timestamp};
 
@@ -53,15 +54,16 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let config = arguments.model.config()?;
     let recording = open_recording(&arguments.recording)?;
     let manifest = recording.path.join("recording.json");
-    let Some([_, background_end]) = recording.manifest.background_frames else {
+    if recording.manifest.background_frames.is_none() {
         bail!("{}: background_frames is missing, expected [first, end) of the empty room", manifest.display());
     };
-    let wanted = |e: &&Entry| {
-        recording.is_background(e.index)
-            || (e.index >= background_end && arguments.frames.as_ref().is_none_or(|r| r.contains(&e.index)))
+    let wanted = |e: &&Entry| match recording.purpose(e.index) {
+        Purpose::Before => false,
+        Purpose::Background => true,
+        Purpose::Watch => arguments.frames.as_ref().is_none_or(|r| r.contains(&e.index)),
     };
     let entries: Vec<&Entry> = recording.frames.iter().filter(wanted).collect();
-    if entries.iter().all(|e| recording.is_background(e.index)) {
+    if entries.iter().all(|e| recording.purpose(e.index) == Purpose::Background) {
         bail!("{}: no frame to reconstruct after background_frames", recording.path.display());
     }
     let (mut engine, model) = engine(&config, &recording, false)?;

@@ -6,7 +6,7 @@ use super::hub::Published;
 use super::{FrameReader, ReadTimes, Reconstruction, Reconstructor, Timing, Update};
 use crate::measurement::PatchPair;
 use crate::solver::Audit;
-use crate::source::{RawFrame, SkippedFrame};
+use crate::source::{Purpose, RawFrame, SkippedFrame};
 
 /// The whole way of a frame, from encoded images to an update: the same online and offline.
 pub struct Engine {
@@ -42,13 +42,15 @@ impl Engine {
         self.reconstructor.audit(starts)
     }
 
-    /// Learns from the frame if it shows the empty room and none was reconstructed yet, otherwise reconstructs it.
+    /// Until the first frame after the background: learns from what shows the empty room. From then on: reconstructs.
     pub fn step(&mut self, frame: &RawFrame, time: Timestamp) -> Result<Published, StepError> {
         let start = Instant::now();
         let read = self.reader.read(frame, &mut self.pair)?;
         let model = self.reconstructor.model().clone();
-        let (update, scene) = if frame.background && !self.watching {
-            self.reconstructor.learn(&self.pair);
+        let (update, scene) = if !self.watching && frame.purpose != Purpose::Watch {
+            if frame.purpose == Purpose::Background {
+                self.reconstructor.learn(&self.pair);
+            }
             (Update::learning(&model, self.sequence, time, frame.index, timing(read, None, start)), None)
         } else {
             let reconstruction = self

@@ -16,14 +16,25 @@ pub use replay::{Pace, Replay, ReplayOptions, load};
 pub struct RawFrame {
     /// Number of the frame in its recording; none for a live camera.
     pub index: Option<u64>,
-    /// Whether it is known to show the empty room.
-    pub background: bool,
+    /// What it is for.
+    pub purpose: Purpose,
     /// Time of capture, in seconds on the source's clock.
     pub seconds: f64,
     /// The encoded images.
     pub images: RawImages,
     /// What to call it in messages: a file name.
     pub name: String,
+}
+
+/// What a frame is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// It comes before the background: nothing yet.
+    Before,
+    /// It shows the empty room.
+    Background,
+    /// It is to be compared with the background.
+    Watch,
 }
 
 /// The encoded images of a frame.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::SourceError;
+use super::{Purpose, SourceError};
 use crate::geometry::{Doorway, Point, Side};
 
 /// `recording.json`.
@@ -113,9 +113,13 @@ impl Recording {
         Ok(Self { path: path.to_owned(), manifest, frames, unknown_keys })
     }
 
-    /// Whether a frame shows the empty room.
-    pub fn is_background(&self, index: u64) -> bool {
-        self.manifest.background_frames.is_some_and(|[first, end]| (first..end).contains(&index))
+    /// What a frame is for, by `background_frames`.
+    pub fn purpose(&self, index: u64) -> Purpose {
+        match self.manifest.background_frames {
+            Some([first, _]) if index < first => Purpose::Before,
+            Some([_, end]) if index < end => Purpose::Background,
+            _ => Purpose::Watch,
+        }
     }
 }
 
@@ -330,7 +334,7 @@ mod tests {
                 (3, 0.6, Files::Patches(at("00000003_left.png"), at("00000003_right.png"))),
             ]
         );
-        assert!(recording.is_background(1) && !recording.is_background(2));
+        assert_eq!((recording.purpose(1), recording.purpose(2)), (Purpose::Background, Purpose::Watch));
     }
 
     #[test]

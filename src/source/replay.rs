@@ -87,7 +87,7 @@ pub fn load(recording: &Recording, entry: &Entry) -> NextFrame {
     };
     Ok(RawFrame {
         index: Some(entry.index),
-        background: recording.is_background(entry.index),
+        purpose: recording.purpose(entry.index),
         seconds: entry.seconds,
         images,
         name,
@@ -96,7 +96,7 @@ pub fn load(recording: &Recording, entry: &Entry) -> NextFrame {
 
 #[cfg(test)]
 mod tests {
-    use super::super::ManualClock;
+    use super::super::{ManualClock, Purpose};
     use super::*;
 
     fn recording() -> (tempfile::TempDir, Arc<Recording>) {
@@ -124,17 +124,17 @@ mod tests {
         let mut replay = Replay::new(recording, options, clock.clone());
         let mut seen = Vec::new();
         for _ in 0..5 {
-            let index = replay.next_frame().unwrap().map(|f| (f.index, f.background)).map_err(|e| e.to_string());
+            let index = replay.next_frame().unwrap().map(|f| (f.index, f.purpose)).map_err(|e| e.to_string());
             seen.push((clock.now().as_millis() - 100_000, index));
         }
         let missing = Err("frames/00000001_right.png: missing from the sequence".to_owned());
         assert_eq!(
             seen,
             [
-                (0, Ok((Some(0), true))),
+                (0, Ok((Some(0), Purpose::Background))),
                 (250, missing.clone()),
-                (500, Ok((Some(2), false))),
-                (750, Ok((Some(0), true))),
+                (500, Ok((Some(2), Purpose::Watch))),
+                (750, Ok((Some(0), Purpose::Background))),
                 (1000, missing),
             ]
         );
