@@ -155,7 +155,7 @@ pub struct SolverConfig {
 
 impl Default for SolverConfig {
     fn default() -> Self {
-        Self { model: ModelKind::Signed, lambda: Lambda::Auto, lambda_factor: 1.0, lambda_share: 0.15, max_steps: 400 }
+        Self { model: ModelKind::Signed, lambda: Lambda::Auto, lambda_factor: 1.0, lambda_share: 0.2, max_steps: 400 }
     }
 }
 
