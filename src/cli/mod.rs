@@ -1,5 +1,6 @@
 //! The command line: one file a subcommand.
 
+mod bench;
 mod check_config;
 mod demo;
 mod import;
@@ -40,6 +41,7 @@ enum Command {
     Serve(serve::Arguments),
     Reconstruct(reconstruct::Arguments),
     Import(import::Arguments),
+    Bench(bench::Arguments),
     CheckConfig(check_config::Arguments),
 }
 
@@ -91,6 +93,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
         Command::CheckConfig(arguments) => check_config::run(&arguments),
     };
     match result {

@@ -1,0 +1,116 @@
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use doorcam::analysis::{BENCH_FRAMES, BenchReport, Quantiles, bench};
+use doorcam::simulation::{Scenario, write_recording};
+use doorcam::source::RawFrame;
+use doorcam::source::recording::{Entry, Recording};
+
+use super::{ModelOptions, open_recording, progress};
+
+/// Measure how long each stage of a frame takes
+///
+/// A frame's stages are: project (its correlation with every facet), and solving eq. 13, cold from the empty map or warm
+/// from the neighbouring frame's. The whole frame is everything from the encoded image to the update, warm. Files are read
+/// beforehand. As the reference, the authors' accelerated iteration in Gram form is run in the same process: 500 of its
+/// 20,000 steps, and the time scaled.
+///
+/// The first 200 frames after background_frames are used, again and again, there and back. Those with nothing to see are
+/// quick to solve and do not count, unless there are no others.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+With --json, one object: project_ms, cold_ms, warm_ms, frame_ms (p50 and p99 each), published_iteration_ms (p50),
+facets, and pixels: those that count, in both patches together.
+
+Examples:
+  doorcam bench
+  doorcam bench recordings/lab-0 --preset published --json")]
+pub(super) struct Arguments {
+    /// The recording's directory [default: the scene of `doorcam demo`, simulated in a temporary directory]
+    recording: Option<PathBuf>,
+    /// One JSON object on stdout instead of a table
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    model: ModelOptions,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let config = arguments.model.config()?;
+    // Held until the end: it is removed when it goes.
+    let temporary;
+    let path = match &arguments.recording {
+        Some(path) => path.clone(),
+        None => {
+            temporary = tempfile::Builder::new().prefix("doorcam-").tempdir().context("no temporary directory")?;
+            simulate(&temporary.path().join("demo"))?
+        }
+    };
+    let recording = open_recording(&path)?;
+    let frames = load(&recording)?;
+    let bar = progress(0);
+    let report = bench(&config, &recording.manifest, &frames, |done, all| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+    });
+    bar.finish_and_clear();
+    let report = report.with_context(|| path.display().to_string())?;
+    for reason in &report.skipped {
+        tracing::warn!("skipped a frame: {reason}");
+    }
+    if arguments.json {
+        println!("{}", serde_json::to_string(&report)?);
+    } else {
+        print!("{}", table(&report));
+    }
+    Ok(())
+}
+
+fn simulate(directory: &Path) -> anyhow::Result<PathBuf> {
+    let frames = Scenario::DEMO_FRAMES;
+    let bar = progress(frames);
+    let written = write_recording(&Scenario::demo(), directory, frames, 1, || bar.inc(1));
+    bar.finish_and_clear();
+    written?;
+    Ok(directory.to_owned())
+}
+
+/// The frames of the empty room and those after them, still encoded.
+fn load(recording: &Recording) -> anyhow::Result<Vec<RawFrame>> {
+    let manifest = recording.path.join("recording.json");
+    let Some([_, background_end]) = recording.manifest.background_frames else {
+        bail!("{}: background_frames is missing, expected [first, end) of the empty room", manifest.display());
+    };
+    let empty = recording.frames.iter().filter(|e| recording.is_background(e.index));
+    let after = recording.frames.iter().filter(|e| e.index >= background_end).take(BENCH_FRAMES);
+    let read = |entry: &Entry| match doorcam::source::load(recording, entry) {
+        Ok(frame) => Some(frame),
+        Err(reason) => {
+            tracing::warn!("skipped frame {}: {reason}", entry.index);
+            None
+        }
+    };
+    Ok(empty.chain(after).filter_map(read).collect())
+}
+
+fn table(report: &BenchReport) -> String {
+    let BenchReport { project_ms, cold_ms, warm_ms, frame_ms, published_iteration_ms, .. } = report;
+    let row = |name: &str, ms: &Quantiles| format!("{name:<22}{:>10.3}{:>10.3}\n", ms.p50, ms.p99);
+    let published = published_iteration_ms.p50;
+    let ratio = |name: &str, p50: f64| format!("published iteration / {name}{:>10.0}\n", published / p50);
+    [
+        format!("{} facets, {} pixels, {} frames\n\n", report.facets, report.pixels, report.frames),
+        format!("{:<22}{:>10}{:>10}\n", "milliseconds", "p50", "p99"),
+        row("project", project_ms),
+        row("cold solve", cold_ms),
+        row("warm solve", warm_ms),
+        row("whole frame", frame_ms),
+        format!("{:<22}{published:>10.0}\n", "published iteration"),
+        format!("{:<22}{:>10.0}\n", "set up a doorway", report.model_ms),
+        format!("{:<22}{:>10.0}\n\n", "set up a background", report.problem_ms),
+        ratio("cold", cold_ms.p50),
+        ratio("warm", warm_ms.p50),
+        "The published iteration is 20,000 steps; the time is scaled from 500.\n".into(),
+    ]
+    .concat()
+}
