@@ -25,7 +25,7 @@ pub struct PublishedIteration<'a> {
     light: DMatrix<f64>,
 }
 
-/// v, N x 3, and (c_L, c_R), N x 2. The rows of v need not be unit vectors on the way.
+/// v, N x 3, with unit rows but where momentum has carried it, and (c_L, c_R), N x 2.
 #[derive(Debug, Clone)]
 struct Point {
     v: DMatrix<f64>,
@@ -71,7 +71,7 @@ impl<'a> PublishedIteration<'a> {
         for n in 0..self.foreground.len() {
             let pull = |s: usize, p: usize| self.gradient[s][(n, p)];
             let (v, c) = ([0, 1, 2].map(|p| self.ahead.v[(n, p)]), [0, 1].map(|s| self.ahead.c[(n, s)]));
-            let next_v = [0, 1, 2].map(|p| (v[p] - Self::STEP * (c[0] * pull(0, p) + c[1] * pull(1, p))).max(0.0));
+            let next_v = unit([0, 1, 2].map(|p| v[p] - Self::STEP * (c[0] * pull(0, p) + c[1] * pull(1, p))), v);
             let along = [0, 1].map(|s| c[s] - Self::STEP * (0..3).map(|p| pull(s, p) * v[p]).sum::<f64>());
             let next_c = self.shrink(n, along);
             for (p, next) in next_v.into_iter().enumerate() {
@@ -109,12 +109,19 @@ impl<'a> PublishedIteration<'a> {
     }
 }
 
+/// The nearest unit vector with v >= 0; `before`, if that is none.
+fn unit(v: [f64; 3], before: [f64; 3]) -> [f64; 3] {
+    let v = v.map(|v| v.max(0.0));
+    let norm = v.iter().map(|v| v * v).sum::<f64>().sqrt();
+    if norm > 0.0 { v.map(|v| v / norm) } else { before }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::solver::{Admissible, Limits, Solver};
 
-    /// Two facets on each side that see each other a little, one of the foreground and one of the background.
+    /// Two facets whose columns overlap a little, one of the foreground and one of the background.
     #[test]
     fn it_comes_to_the_solvers_solution() {
         let gram = [0.3, 0.2].map(|cross| DMatrix::from_row_slice(2, 2, &[40.0, cross, cross, 30.0]));
@@ -131,11 +138,9 @@ mod tests {
         }
         let solver = Solver::new(&gram, vec![Admissible::Brighter, Admissible::EitherSign]);
         let ours = solver.solve(&frame, lambda, Limits::default(), None).intensities;
-        // The penalty is on c alone: in their form it does not shrink what v carries, and the two agree but for that.
         for (a, b) in published.intensities().iter().zip(&ours) {
-            assert!(a.left * b.left > 0.0 && a.right * b.right > 0.0, "{a:?} {b:?}");
-            let cosine: f64 = a.colour.iter().zip(b.colour).map(|(a, b)| a * b).sum();
-            assert!(cosine > 0.99, "{a:?} {b:?}");
+            assert!((a.left - b.left).abs() < 1e-5 && (a.right - b.right).abs() < 1e-6, "{a:?} {b:?}");
+            assert!(a.colour.iter().zip(b.colour).all(|(a, b)| (a - b).abs() < 1e-5), "{a:?} {b:?}");
         }
         assert!(published.intensities()[0].left > 0.0 && published.intensities()[1].left < 0.0);
     }
