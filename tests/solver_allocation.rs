@@ -1,10 +1,20 @@
-//! A solve with a workspace that was used before allocates nothing.
+//! A frame's way from the difference measurement to the solution allocates nothing once it was gone before.
+//!
+//! What is made of the solution for others, the scene, the update and its JSON text, has vectors of its own for every frame:
+//! it is shared with everyone and outlives the frame.
 
 mod solver_problems;
 
 use std::alloc::System;
 
+use doorcam::config::Config;
+use doorcam::geometry::Side;
+use doorcam::measurement::{Background, PatchPair};
+use doorcam::pipeline::{self, Model};
+use doorcam::simulation::direct::Cylinder;
+use doorcam::simulation::{Renderer, Scenario, Sensor};
 use doorcam::solver::{Admissible, Limits, Solution, Start};
+use doorcam::transport::PatchGrid;
 use solver_problems::Problem;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 
@@ -24,7 +34,7 @@ fn allocations(mut f: impl FnMut()) -> usize {
 
 // The only test in this file: others beside it would be counted too.
 #[test]
-fn no_allocation_after_the_first_solve() {
+fn no_allocation_after_the_first_time() {
     assert!(allocations(|| drop(std::hint::black_box(vec![1, 2, 3]))) > 0, "the counter counts");
     for kind in [Admissible::Brighter, Admissible::EitherSign, Admissible::Signed] {
         let problem = Problem::random(60, 40, 7, |_| kind);
@@ -41,4 +51,45 @@ fn no_allocation_after_the_first_solve() {
         assert_eq!(allocations(|| solve(2.0, Start::Previous)), 0, "{kind:?}, warm");
         assert_eq!(allocations(|| solve(1.5, Start::Previous)), 0, "{kind:?}, warm");
     }
+    from_patches();
+}
+
+/// Difference, projection, λ and solution, with somebody who walks.
+fn from_patches() {
+    let scenario = Scenario { patch: PatchGrid { size: 32, ..Scenario::demo().patch }, ..Scenario::demo() };
+    let renderer = Renderer::new(&scenario);
+    let model = Model::new(&Config::default(), scenario.doorway, scenario.patch, None).unwrap();
+    let expose = |light: &PatchPair, frame: u64| {
+        let mut generator = Sensor::generator(1, frame);
+        let mut pair = light.clone();
+        for side in Side::BOTH {
+            let codes = scenario.sensor.expose(light.side(side), &mut generator);
+            for (k, code) in codes.into_iter().enumerate() {
+                pair.side_mut(side).plane_mut(k % 3)[k / 3] = f32::from(code) / 65535.0;
+            }
+        }
+        pair
+    };
+    let mut background = Background::new(scenario.patch.size);
+    (0..8).for_each(|frame| background.learn(&expose(renderer.empty(), frame)));
+    let frames = [-0.2, -0.1, 0.0, 0.1].map(|x| {
+        let body = Cylinder { centre: [x, 1.2], radius_m: 0.2, height_m: 1.8, radiance: [0.5, 0.2, 0.1] };
+        expose(&renderer.render(vec![body]), 100)
+    });
+    let mut difference = PatchPair::zeros(scenario.patch.size);
+    let problem = pipeline::Problem::new(&model, &background, &difference);
+    let mut correlations = problem.projection.correlations();
+    let (mut workspace, mut solution) = (problem.solver.workspace(), Solution::default());
+    let mut walk = |start: Start| {
+        for frame in &frames {
+            assert!(background.difference(frame, &mut difference));
+            problem.projection.project(&difference, &mut correlations).unwrap();
+            let lambda = problem.lambda(problem.solver.lambda_max(&correlations));
+            problem.solver.solve_into(&correlations, lambda, model.limits, start, &mut workspace, &mut solution);
+            assert!(solution.intensities.iter().any(|i| i.left != 0.0));
+        }
+    };
+    walk(Start::Empty);
+    assert_eq!(allocations(|| walk(Start::Empty)), 0, "frames, cold");
+    assert_eq!(allocations(|| walk(Start::Previous)), 0, "frames, warm");
 }

@@ -1,0 +1,316 @@
+//! Properties of the whole way from patch pairs to a map, in memory: what must not change a map, and what must.
+//!
+//! Left out, because it does not hold yet: a lamp of the visible side that changes by 20 percent on a floor with 5 percent of
+//! texture leaves facets. With 2 percent it does not, which is tested.
+
+use std::sync::Arc;
+
+use doorcam::config::{Config, Lambda};
+use doorcam::geometry::{Biangular, Doorway, Facet, Point, Side};
+use doorcam::measurement::{Background, PatchPair};
+use doorcam::pipeline::{Model, Problem, Reconstruction, Reconstructor};
+use doorcam::scene::Intensity;
+use doorcam::simulation::direct::Cylinder;
+use doorcam::simulation::{Renderer, Scenario, Sensor};
+use doorcam::solver::ModelKind;
+use rand_distr::{Distribution, StandardNormal};
+
+/// The demo's room behind the narrowest door, so that the grid is the published one.
+struct Room {
+    scenario: Scenario,
+    renderer: Renderer,
+}
+
+impl Room {
+    fn new() -> Self {
+        let mut scenario = Scenario::demo();
+        scenario.doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None };
+        Self { renderer: Renderer::new(&scenario), scenario }
+    }
+
+    fn model(&self, config: &Config) -> Arc<Model> {
+        Arc::new(Model::new(config, self.scenario.doorway, self.scenario.patch, None).unwrap())
+    }
+
+    /// What the camera makes of light: frames of one seed have different noise.
+    fn expose(&self, light: &PatchPair, seed: u64, frame: u64) -> PatchPair {
+        let mut generator = Sensor::generator(seed, frame);
+        let mut pair = light.clone();
+        for side in Side::BOTH {
+            let codes = self.scenario.sensor.expose(light.side(side), &mut generator);
+            for (k, code) in codes.into_iter().enumerate() {
+                pair.side_mut(side).plane_mut(k % 3)[k / 3] = f32::from(code) / 65535.0;
+            }
+        }
+        pair
+    }
+
+    /// Noisy frames of an empty room.
+    fn empty_frames(&self, light: &PatchPair, seed: u64, count: u64) -> Vec<PatchPair> {
+        (0..count).map(|frame| self.expose(light, seed, frame)).collect()
+    }
+
+    /// The change that somebody off the grid makes, without noise.
+    fn person(&self, [x, y]: Point, radiance: [f64; 3]) -> PatchPair {
+        let body = Cylinder { centre: [x, y], radius_m: 0.2, height_m: 1.8, radiance };
+        combine(&self.renderer.render(vec![body]), self.renderer.empty(), |there, empty| there - empty)
+    }
+}
+
+const RED: [f64; 3] = [0.3, 0.1, 0.08];
+/// Darker than every wall.
+const BLACK: [f64; 3] = [0.005, 0.005, 0.01];
+const SOMEWHERE: Point = [0.23, 1.37];
+
+/// Each value of a pair with the one of another.
+fn combine(a: &PatchPair, b: &PatchPair, f: impl Fn(f32, f32) -> f32) -> PatchPair {
+    let mut out = a.clone();
+    for side in Side::BOTH {
+        let values = out.side_mut(side).data_mut().iter_mut();
+        values.zip(b.side(side).data()).for_each(|(a, &b)| *a = f(*a, b));
+    }
+    out
+}
+
+fn reconstructor(model: &Arc<Model>, empty: &[PatchPair]) -> Reconstructor {
+    let mut reconstructor = Reconstructor::new(Arc::clone(model), false);
+    empty.iter().for_each(|frame| reconstructor.learn(frame));
+    reconstructor
+}
+
+fn mean(empty: &[PatchPair]) -> PatchPair {
+    background(empty).mean().clone()
+}
+
+fn background(empty: &[PatchPair]) -> Background {
+    let mut background = Background::new(empty[0].left.size());
+    empty.iter().for_each(|frame| background.learn(frame));
+    background
+}
+
+fn map(reconstructor: &mut Reconstructor, pair: &PatchPair) -> Reconstruction {
+    reconstructor.reconstruct(pair).unwrap().expect("a background")
+}
+
+fn lit(intensities: &[Intensity]) -> Vec<usize> {
+    (0..intensities.len()).filter(|&n| intensities[n].left != 0.0 || intensities[n].right != 0.0).collect()
+}
+
+/// Requires the same facets, and on each the same light to 1e-3 of the strongest, `scale` times as strong.
+fn assert_same(found: &[Intensity], expected: &[Intensity], scale: f64, what: &str) {
+    assert_eq!(lit(found), lit(expected), "{what}");
+    let strongest = expected.iter().map(|i| i.left.hypot(i.right)).fold(0.0, f64::max) * scale;
+    assert!(strongest > 0.0, "{what}: nothing is lit");
+    for (n, (found, expected)) in found.iter().zip(expected).enumerate() {
+        for (a, b) in [(found.left, expected.left), (found.right, expected.right)] {
+            for p in 0..3 {
+                let difference = (a * found.colour[p] - scale * b * expected.colour[p]).abs();
+                assert!(difference <= 1e-3 * strongest, "{what}: facet {n}: {found:?}, expected {expected:?}");
+            }
+        }
+    }
+}
+
+fn middle(facet: &Facet) -> Point {
+    [0, 1].map(|k| (facet.from[k] + facet.to[k]) / 2.0)
+}
+
+#[test]
+fn a_gain_of_the_camera_does_not_change_the_map() {
+    let room = Room::new();
+    let model = room.model(&Config::default());
+    let empty = room.empty_frames(room.renderer.empty(), 1, 20);
+    let background = mean(&empty);
+    let mut reconstructor = reconstructor(&model, &empty);
+    for (who, change) in [("red", room.person(SOMEWHERE, RED)), ("black", room.person(SOMEWHERE, BLACK))] {
+        let mut with_gain = |gain: f32| {
+            let frame = combine(&background, &change, |x0, change| gain * x0 + change);
+            map(&mut reconstructor, &frame).solution.intensities
+        };
+        let plain = with_gain(1.0);
+        for gain in [0.8, 0.9, 0.97, 1.03, 1.1, 1.2] {
+            assert_same(&with_gain(gain), &plain, 1.0, &format!("{who}, gain {gain}"));
+        }
+    }
+}
+
+#[test]
+fn a_mirrored_room_gives_the_mirrored_map() {
+    fn mirror(pair: &PatchPair) -> PatchPair {
+        let size = pair.left.size();
+        let mut out = pair.clone();
+        for (side, other) in [(Side::Left, Side::Right), (Side::Right, Side::Left)] {
+            for channel in 0..3 {
+                let plane = pair.side(other).plane(channel);
+                let target = out.side_mut(side).plane_mut(channel);
+                (0..size * size).for_each(|k| target[k] = plane[k / size * size + size - 1 - k % size]);
+            }
+        }
+        out
+    }
+
+    let room = Room::new();
+    // Noise is drawn to choose λ automatically, and the draws are not mirrored.
+    let mut config = Config::default();
+    config.solver.lambda = Lambda::Fixed(20.0);
+    let model = room.model(&config);
+    let facets = &model.grid.facets;
+    let mirrored: Vec<usize> = facets
+        .iter()
+        .map(|facet| {
+            let [x, y] = middle(facet);
+            let at = |other: &Facet| (middle(other)[0] + x).hypot(middle(other)[1] - y) < 1e-9;
+            facets.iter().position(at).expect("the grid is symmetric")
+        })
+        .collect();
+    let empty = room.empty_frames(room.renderer.empty(), 2, 12);
+    let frame = combine(&mean(&empty), &room.person(SOMEWHERE, RED), |x0, change| x0 + change);
+    let there = map(&mut reconstructor(&model, &empty), &frame).solution.intensities;
+    let empty: Vec<PatchPair> = empty.iter().map(mirror).collect();
+    let back = map(&mut reconstructor(&model, &empty), &mirror(&frame)).solution.intensities;
+    let expected: Vec<Intensity> = (0..facets.len())
+        .map(|n| {
+            let Intensity { left, right, colour } = there[mirrored[n]];
+            Intensity { left: right, right: left, colour }
+        })
+        .collect();
+    assert_same(&back, &expected, 1.0, "mirrored");
+}
+
+#[test]
+fn no_difference_is_an_empty_map_in_every_model() {
+    let room = Room::new();
+    let empty = room.empty_frames(room.renderer.empty(), 3, 5);
+    for kind in [ModelKind::Signed, ModelKind::Published] {
+        let mut config = Config::default();
+        config.solver.model = kind;
+        let found = map(&mut reconstructor(&room.model(&config), &empty), &mean(&empty));
+        assert!(lit(&found.solution.intensities).is_empty(), "{kind:?}");
+        assert!(found.scene.nonzero().next().is_none());
+    }
+}
+
+#[test]
+fn a_value_that_is_no_number_is_refused_with_its_place_and_the_next_frame_is_fine() {
+    let room = Room::new();
+    let model = room.model(&Config::default());
+    let empty = room.empty_frames(room.renderer.empty(), 4, 8);
+    let frame = combine(&mean(&empty), &room.person(SOMEWHERE, RED), |x0, change| x0 + change);
+    let mut reconstructor = reconstructor(&model, &empty);
+    let before = map(&mut reconstructor, &frame).solution;
+    let mut broken = frame.clone();
+    broken.right.plane_mut(1)[30 * 64 + 7] = f32::NAN;
+    let error = reconstructor.reconstruct(&broken).unwrap_err().to_string();
+    assert_eq!(error, "right patch, row 30, column 7: the green value is not a finite number");
+    assert_eq!(map(&mut reconstructor, &frame).solution, before);
+    // At the foot of the edge no pixel counts.
+    let mut foot = frame.clone();
+    assert!(!model.counted[0][32]);
+    foot.left.plane_mut(0)[32] = f32::NAN;
+    assert_eq!(map(&mut reconstructor, &foot).solution, before);
+}
+
+#[test]
+fn a_change_and_a_lambda_three_times_as_large_make_a_map_three_times_as_strong() {
+    let room = Room::new();
+    let empty = room.empty_frames(room.renderer.empty(), 5, 1);
+    let change = room.person(SOMEWHERE, RED);
+    let solve = |scale: f32| {
+        let mut config = Config::default();
+        config.solver.model = ModelKind::Published;
+        config.solver.lambda = Lambda::Fixed(1e-3 * f64::from(scale));
+        let frame = combine(&mean(&empty), &change, |x0, change| x0 + scale * change);
+        map(&mut reconstructor(&room.model(&config), &empty), &frame).solution.intensities
+    };
+    assert_same(&solve(3.0), &solve(1.0), 3.0, "three times");
+}
+
+/// Several backgrounds, because the noise that is left in one is the same in all frames.
+#[test]
+fn an_empty_room_stays_empty_and_a_faint_person_is_found() {
+    /// Frames of the empty room learned.
+    const LEARNED: [u64; 6] = [10, 10, 15, 20, 30, 30];
+    /// Frames looked at, for each.
+    const FRAMES: u64 = 520;
+    /// How much stronger than what just shows: the dual norm of the noiseless change over the least λ.
+    const FAINT: f64 = 3.0;
+    /// Two cells of the grid, in degrees of the bearing at either edge: the doorway is too narrow to tell a faint person's
+    /// distance much better.
+    const CLOSE: f64 = 8.0;
+
+    let room = Room::new();
+    let model = room.model(&Config::default());
+    let there = Biangular::from_point(&room.scenario.doorway, SOMEWHERE);
+    let light = room.renderer.empty();
+    let (mut wrong, mut missed, mut looked_for) = (0, 0, 0);
+    for (seed, learned) in (10..).zip(LEARNED) {
+        let empty = room.empty_frames(light, seed, learned);
+        let mut reconstructor = reconstructor(&model, &empty);
+        for frame in 0..FRAMES {
+            let found = map(&mut reconstructor, &room.expose(light, seed, 1000 + frame));
+            wrong += u32::from(!lit(&found.solution.intensities).is_empty());
+        }
+        let problem = Problem::new(&model, &background(&empty), &PatchPair::zeros(64));
+        for (who, radiance) in [("red", RED), ("black", BLACK)] {
+            let change = room.person(SOMEWHERE, radiance);
+            let mut correlations = problem.projection.correlations();
+            problem.projection.project(&change, &mut correlations).unwrap();
+            let scale = (FAINT * problem.lambda(0.0) / problem.solver.lambda_max(&correlations)) as f32;
+            let lighted = combine(light, &change, |x0, change| x0 + scale * change);
+            for frame in 0..20 {
+                let found = map(&mut reconstructor, &room.expose(&lighted, seed, 5000 + frame)).solution.intensities;
+                let strength = |n: &usize| found[*n].left.min(found[*n].right);
+                let strongest = lit(&found).into_iter().max_by(|a, b| strength(a).total_cmp(&strength(b)));
+                let away = strongest.map(|n| {
+                    let found = Biangular::from_point(&room.scenario.doorway, middle(&model.grid.facets[n]));
+                    (found.alpha1 - there.alpha1).abs().max((found.alpha2 - there.alpha2).abs()).to_degrees()
+                });
+                looked_for += 1;
+                if away.is_none_or(|degrees| degrees > CLOSE) {
+                    missed += 1;
+                    eprintln!("{who}, seed {seed}, {learned} frames learned: strongest facet {away:?} degrees away");
+                }
+            }
+        }
+    }
+    let frames = FRAMES * LEARNED.len() as u64;
+    eprintln!("empty room: {wrong} of {frames} frames show something; {missed} of {looked_for} faint people missed");
+    assert!(frames >= 3000 && f64::from(wrong) <= 1e-3 * frames as f64, "{wrong} of {frames}");
+    assert_eq!(missed, 0);
+}
+
+#[test]
+fn a_lamp_of_the_visible_side_on_a_speckled_floor_shows_nothing() {
+    /// Standard deviation of the floor's reflectance, pixel by pixel.
+    const TEXTURE: f64 = 0.02;
+    /// Light of the visible side that is taken from the demo's 0.8, so that the changed lamp does not saturate.
+    const DIMMED: f64 = 0.3;
+    /// A fifth of what is left.
+    const LAMP: f64 = 0.1;
+
+    let room = Room::new();
+    let model = room.model(&Config::default());
+    for seed in 20..23 {
+        let mut generator = Sensor::generator(seed, u64::MAX);
+        let albedo: [Vec<f64>; 2] = std::array::from_fn(|_| {
+            let speckle = |_| -> f64 { StandardNormal.sample(&mut generator) };
+            (0..model.patch.pixels()).map(speckle).map(|z| 1.0 + TEXTURE * z).collect()
+        });
+        let lighted = |lamp: f64| {
+            let mut pair = room.renderer.empty().clone();
+            for (side, albedo) in Side::BOTH.into_iter().zip(&albedo) {
+                for channel in 0..3 {
+                    let plane = pair.side_mut(side).plane_mut(channel).iter_mut();
+                    plane.zip(albedo).for_each(|(v, a)| *v = ((f64::from(*v) - DIMMED + lamp) * a) as f32);
+                }
+            }
+            pair
+        };
+        let mut reconstructor = reconstructor(&model, &room.empty_frames(&lighted(0.0), seed, 20));
+        for (frame, lamp) in (1000..).zip([LAMP, -LAMP, LAMP, -LAMP]) {
+            let found = map(&mut reconstructor, &room.expose(&lighted(lamp), seed, frame));
+            let lit = lit(&found.solution.intensities);
+            assert!(lit.is_empty(), "seed {seed}, lamp {lamp}: {lit:?}");
+        }
+    }
+}
