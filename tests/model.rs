@@ -100,12 +100,17 @@ fn lit(intensities: &[Intensity]) -> Vec<usize> {
 fn assert_same(found: &[Intensity], expected: &[Intensity], scale: f64, what: &str) {
     assert_eq!(lit(found), lit(expected), "{what}");
     let strongest = expected.iter().map(|i| i.left.hypot(i.right)).fold(0.0, f64::max) * scale;
-    assert!(strongest > 0.0, "{what}: nothing is lit");
+    assert_same_within(1e-3 * strongest, found, expected, scale, what);
+}
+
+/// Requires on each facet the same light to `allowed`, `scale` times as strong.
+fn assert_same_within(allowed: f64, found: &[Intensity], expected: &[Intensity], scale: f64, what: &str) {
+    assert!(!lit(expected).is_empty(), "{what}: nothing is lit");
     for (n, (found, expected)) in found.iter().zip(expected).enumerate() {
         for (a, b) in [(found.left, expected.left), (found.right, expected.right)] {
             for p in 0..3 {
                 let difference = (a * found.colour[p] - scale * b * expected.colour[p]).abs();
-                assert!(difference <= 1e-3 * strongest, "{what}: facet {n}: {found:?}, expected {expected:?}");
+                assert!(difference <= allowed, "{what}: facet {n}: {found:?}, expected {expected:?}");
             }
         }
     }
@@ -114,6 +119,10 @@ fn assert_same(found: &[Intensity], expected: &[Intensity], scale: f64, what: &s
 fn middle(facet: &Facet) -> Point {
     [0, 1].map(|k| (facet.from[k] + facet.to[k]) / 2.0)
 }
+
+/// The signed model's intensities are in units of the noise. The pictures that are projected out are smoothed, lest their own
+/// noise be taken for light, so that a gain leaves what it does to that noise: it must be little beside the frame's own.
+const QUARTER_OF_THE_NOISE: f64 = 0.25;
 
 #[test]
 fn a_gain_of_the_camera_does_not_change_the_map() {
@@ -129,7 +138,7 @@ fn a_gain_of_the_camera_does_not_change_the_map() {
         };
         let plain = with_gain(1.0);
         for gain in [0.8, 0.9, 0.97, 1.03, 1.1, 1.2] {
-            assert_same(&with_gain(gain), &plain, 1.0, &format!("{who}, gain {gain}"));
+            assert_same_within(QUARTER_OF_THE_NOISE, &with_gain(gain), &plain, 1.0, &format!("{who}, gain {gain}"));
         }
     }
 }

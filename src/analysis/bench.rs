@@ -10,7 +10,7 @@ use crate::measurement::{Background, PatchPair};
 use crate::pipeline::{Engine, FrameReader, Model, Problem, Reconstructor, SetupError, StepError};
 use crate::solver::{Columns, Correlations, ModelKind, Nuisance, Pixels, Projection, ProjectionError, Solution, Start};
 use crate::source::recording::Manifest;
-use crate::source::{RawFrame, SkippedFrame};
+use crate::source::{Purpose, RawFrame, SkippedFrame};
 
 /// Frames after the empty room that are looked at, at most: they are kept in memory, still encoded.
 pub const BENCH_FRAMES: usize = 200;
@@ -162,7 +162,8 @@ fn project<'a>(
         each();
         match reader.read(frame, &mut pair) {
             Err(reason) => skipped.push(reason),
-            Ok(_) if frame.background => {
+            Ok(_) if frame.purpose == Purpose::Before => {}
+            Ok(_) if frame.purpose == Purpose::Background => {
                 background.learn(&pair);
                 empty.push(frame);
             }

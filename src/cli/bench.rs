@@ -3,8 +3,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use doorcam::analysis::{BENCH_FRAMES, BenchReport, Quantiles, bench};
 use doorcam::simulation::{Scenario, write_recording};
-use doorcam::source::RawFrame;
 use doorcam::source::recording::{Entry, Recording};
+use doorcam::source::{Purpose, RawFrame};
 
 use super::{ModelOptions, open_recording, progress};
 
@@ -81,7 +81,7 @@ fn load(recording: &Recording) -> anyhow::Result<Vec<RawFrame>> {
     let Some([_, background_end]) = recording.manifest.background_frames else {
         bail!("{}: background_frames is missing, expected [first, end) of the empty room", manifest.display());
     };
-    let empty = recording.frames.iter().filter(|e| recording.is_background(e.index));
+    let empty = recording.frames.iter().filter(|e| recording.purpose(e.index) == Purpose::Background);
     let after = recording.frames.iter().filter(|e| e.index >= background_end).take(BENCH_FRAMES);
     let read = |entry: &Entry| match doorcam::source::load(recording, entry) {
         Ok(frame) => Some(frame),

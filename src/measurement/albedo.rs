@@ -1,23 +1,53 @@
 use super::Patch;
 
-/// The floor's reflectance at each pixel relative to its surroundings, from a picture of the patch: the picture over its
-/// mean in a square window of a ninth of the patch's side. 1 where a pixel does not count.
+/// A patch of floor taken apart: its texture, and the light on it.
 ///
-/// Light on the floor changes little over so short a way, so what does change is the floor: speckle, grain, joints.
-pub fn relative_albedo(picture: &Patch, counted: &[bool]) -> Vec<f64> {
-    let size = picture.size();
+/// Light on the floor changes little over a ninth of the patch's side, so what does change is the floor: speckle, grain,
+/// joints.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Floor {
+    /// Reflectance of each pixel relative to its surroundings, row by row from the wall; 1 where a pixel does not count.
+    pub albedo: Vec<f64>,
+    /// Per colour, the light on each pixel: the picture without the texture, smoothed.
+    ///
+    /// Albedo times light is the picture again, but with the noise of the three colours averaged into one. That matters:
+    /// the colours' own pictures differ by little but their noise, which is in every difference from the picture, too, and
+    /// must not pass for a pattern of light.
+    pub light: [Vec<f64>; 3],
+}
+
+impl Floor {
+    /// From a picture of the patch.
+    pub fn from_picture(picture: &Patch, counted: &[bool]) -> Self {
+        let planes = [0, 1, 2].map(|p| picture.plane(p).iter().map(|&v| f64::from(v)).collect::<Vec<f64>>());
+        let grey: Vec<f64> = (0..picture.pixels()).map(|k| planes.iter().map(|p| p[k]).sum::<f64>() / 3.0).collect();
+        let around = local_mean(&grey, counted, picture.size());
+        let relative = |k: usize| if counted[k] && around[k] > 0.0 { grey[k] / around[k] } else { 1.0 };
+        let albedo: Vec<f64> = (0..picture.pixels()).map(relative).collect();
+        let light = planes.map(|plane| {
+            let even: Vec<f64> =
+                plane.iter().zip(&albedo).map(|(value, albedo)| value / albedo.max(f64::MIN_POSITIVE)).collect();
+            local_mean(&even, counted, picture.size())
+        });
+        Self { albedo, light }
+    }
+
+    /// The picture of one colour, as albedo and light make it.
+    pub fn picture(&self, channel: usize) -> Vec<f64> {
+        self.albedo.iter().zip(&self.light[channel]).map(|(albedo, light)| albedo * light).collect()
+    }
+}
+
+/// Mean of the pixels that count in a square window around each pixel; 0 where there are none.
+fn local_mean(values: &[f64], counted: &[bool], size: usize) -> Vec<f64> {
     let reach = (size / 18).max(1);
-    let grey: Vec<f64> =
-        (0..picture.pixels()).map(|k| (0..3).map(|p| f64::from(picture.plane(p)[k])).sum::<f64>() / 3.0).collect();
     let around = |centre: usize| centre.saturating_sub(reach)..(centre + reach + 1).min(size);
-    (0..picture.pixels())
-        .map(|k| {
-            let (row, column) = (k / size, k % size);
-            let window = around(row).flat_map(|i| around(column).map(move |j| i * size + j));
-            let (sum, count) = window.filter(|&k| counted[k]).fold((0.0, 0.0), |(s, n), k| (s + grey[k], n + 1.0));
-            if counted[k] && sum > 0.0 { grey[k] * count / sum } else { 1.0 }
-        })
-        .collect()
+    let mean = |k: usize| {
+        let window = around(k / size).flat_map(|i| around(k % size).map(move |j| i * size + j));
+        let (sum, count) = window.filter(|&k| counted[k]).fold((0.0, 0.0), |(s, n), k| (s + values[k], n + 1.0));
+        if count > 0.0 { sum / count } else { 0.0 }
+    };
+    (0..values.len()).map(mean).collect()
 }
 
 #[cfg(test)]
@@ -33,10 +63,15 @@ mod tests {
         for p in 0..3 {
             patch.plane_mut(p).iter_mut().enumerate().for_each(|(k, v)| *v = (speckle(k) * light(k)) as f32);
         }
-        let albedo = relative_albedo(&patch, &vec![true; size * size]);
+        let floor = Floor::from_picture(&patch, &vec![true; size * size]);
+        let albedo = &floor.albedo;
         let mean = (0..size * size).map(speckle).sum::<f64>() / (size * size) as f64;
         let wrong = |k: &usize| (albedo[*k] - speckle(*k) / mean).abs() > 0.03;
-        let inside = (0..size * size).filter(|k| (4..60).contains(&(k / size)) && (4..60).contains(&(k % size)));
-        assert!(inside.filter(wrong).count() < 60);
+        let middle = |k: &usize| (4..60).contains(&(k / size)) && (4..60).contains(&(k % size));
+        let inside = (0..size * size).filter(middle);
+        assert!(inside.clone().filter(wrong).count() < 60);
+        // Taken apart and put together again, it is the same picture.
+        let again = floor.picture(1);
+        assert!(inside.clone().all(|k| (again[k] / (speckle(k) * light(k)) - 1.0).abs() < 0.02));
     }
 }

@@ -11,7 +11,7 @@ mod radiometry;
 mod rectify;
 mod resample;
 
-pub use albedo::relative_albedo;
+pub use albedo::Floor;
 pub use background::Background;
 pub use drift::drift_patterns;
 pub use homography::{Homography, HomographyError};

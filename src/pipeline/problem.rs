@@ -6,7 +6,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::Model;
 use crate::config::Lambda;
-use crate::measurement::{Background, NoiseModel, PatchPair, drift_patterns, relative_albedo};
+use crate::measurement::{Background, Floor, NoiseModel, PatchPair, drift_patterns};
 use crate::solver::{Admissible, Columns, ModelKind, Nuisance, Pixels, Projection, Solver};
 
 /// The inverse problem for one background: built when the empty room is known, used for every frame after.
@@ -114,13 +114,14 @@ fn signed_projection(model: &Model, empty: &PatchPair, frames: &[&PatchPair], no
         (0..model.patch.pixels()).map(weight).collect::<Vec<f64>>()
     });
     let used = [0, 1].map(|s| weights[s].iter().map(|&w| w > 0.0).collect::<Vec<bool>>());
-    let albedo = [0, 1].map(|s| relative_albedo(sides[s], &used[s]));
+    let floors = [0, 1].map(|s| Floor::from_picture(sides[s], &used[s]));
     // Even light of the visible side shows the floor's albedo; an exposure step adds a multiple of the background's own
     // picture, in each colour.
     let gains = [0, 1].map(|s| {
-        let picture = |p: usize| sides[s].plane(p).iter().map(|&v| f64::from(v)).collect::<Vec<f64>>();
-        vec![albedo[s].clone(), picture(0), picture(1), picture(2)]
+        let floor = &floors[s];
+        vec![floor.albedo.clone(), floor.picture(0), floor.picture(1), floor.picture(2)]
     });
+    let albedo = floors.map(|floor| floor.albedo);
     let [left_drift, right_drift] = drift_patterns(frames, &gains, &used, DRIFT_PATTERNS);
     let [left, right] = gains;
     let nuisance = Nuisance::new([[left, left_drift].concat(), [right, right_drift].concat()]);
@@ -176,5 +177,7 @@ fn noise_colour(model: &Model, frames: &[&PatchPair]) -> Option<f64> {
         .collect();
     let middle = maxima.len() / 2;
     let median = if maxima.is_empty() { 0.0 } else { *maxima.select_nth_unstable_by(middle, f64::total_cmp).1 };
-    Some((median / white_noise_reach(&projection, &solver).mean).max(1.0))
+    // Few frames may by chance all have been quiet ones.
+    let margin = 1.0 + 1.0 / (maxima.len().max(1) as f64).sqrt();
+    Some((margin * median / white_noise_reach(&projection, &solver).mean).max(1.0))
 }
