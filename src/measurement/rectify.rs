@@ -142,6 +142,9 @@ impl Taps {
 
 /// Adds the four pixels around an image position with their weights; false if it is outside the image.
 fn bilinear([u, v]: [f64; 2], width: usize, height: usize, out: &mut Vec<(u32, f32)>) -> bool {
+    if width == 0 || height == 0 {
+        return false;
+    }
     let (right, bottom) = ((width - 1) as f64, (height - 1) as f64);
     // Up to half a pixel beyond the outermost centres is still in the image.
     if !(-0.5..=right + 0.5).contains(&u) || !(-0.5..=bottom + 0.5).contains(&v) {

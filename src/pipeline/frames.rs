@@ -19,8 +19,6 @@ pub struct FrameReader {
 enum Rectifier {
     Patches([PatchRectifier; 2]),
     Camera(CameraRectifier),
-    /// A camera's recording whose manifest does not tell the images' size: made with the first one.
-    Unsized(Box<dyn Fn((usize, usize)) -> CameraRectifier + Send>),
 }
 
 /// How long reading a frame took.
@@ -48,12 +46,8 @@ impl FrameReader {
             Layout::Camera => {
                 let points: Vec<_> = manifest.floor_points.iter().map(|p| (p.floor_m, p.pixel)).collect();
                 let homography = Homography::fit(&points)?;
-                let doorway = manifest.doorway;
-                let make = move |size| CameraRectifier::new(&doorway, &patch, &homography, size);
-                match manifest.size {
-                    Some([width, height]) => Rectifier::Camera(make((width, height))),
-                    None => Rectifier::Unsized(Box::new(make)),
-                }
+                let [width, height] = manifest.size.unwrap_or_default();
+                Rectifier::Camera(CameraRectifier::new(&manifest.doorway, &patch, &homography, (width, height)))
             }
         };
         let reader = Self { table: LightTable::new(decoding), rectifier, patch };
@@ -76,7 +70,7 @@ impl FrameReader {
     pub fn seen(&self) -> Option<[Vec<bool>; 2]> {
         match &self.rectifier {
             Rectifier::Camera(camera) => Some(camera.visible()),
-            Rectifier::Patches(_) | Rectifier::Unsized(_) => None,
+            Rectifier::Patches(_) => None,
         }
     }
 
@@ -101,23 +95,20 @@ impl FrameReader {
                     timed(|t| &mut t.rectify, start);
                 }
             }
-            (rectifier, RawImages::Camera(bytes)) => {
+            (Rectifier::Camera(camera), RawImages::Camera(bytes)) => {
                 let start = Instant::now();
                 let image = decode(bytes)?;
                 timed(|t| &mut t.decode, start);
                 let start = Instant::now();
-                if let Rectifier::Unsized(make) = rectifier {
-                    *rectifier = Rectifier::Camera(make((image.width, image.height)));
-                }
-                match rectifier {
-                    Rectifier::Camera(camera) => {
-                        camera.apply(&image, &self.table, pair).map_err(|e| skipped(e.to_string()))?;
-                    }
-                    _ => return Err(skipped("a camera's image, expected a pair of patches".into())),
-                }
+                camera.apply(&image, &self.table, pair).map_err(|e| skipped(e.to_string()))?;
                 timed(|t| &mut t.rectify, start);
             }
-            (_, RawImages::Patches(_)) => return Err(skipped("a pair of patches, expected a camera's image".into())),
+            (Rectifier::Patches(_), RawImages::Camera(_)) => {
+                return Err(skipped("a camera's image, expected a pair of patches".into()));
+            }
+            (Rectifier::Camera(_), RawImages::Patches(_)) => {
+                return Err(skipped("a pair of patches, expected a camera's image".into()));
+            }
         }
         Ok(times)
     }

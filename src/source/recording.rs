@@ -17,7 +17,7 @@ pub struct Manifest {
     pub layout: Layout,
     /// Transfer function of the images.
     pub transfer: Transfer,
-    /// Width and height of the images, in pixels.
+    /// Width and height of the images, in pixels; needed with layout camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size: Option<[usize; 2]>,
     /// The doorway.
@@ -171,6 +171,10 @@ impl Manifest {
                 "floor_points has {} points, expected at least 4 with layout \"camera\"",
                 self.floor_points.len()
             )),
+            // What of the patches the camera sees is known from this before the first image.
+            Layout::Camera if self.size.is_none() => {
+                Err("size is missing, expected with layout \"camera\" the images' [width, height] in pixels".into())
+            }
             Layout::Camera => Ok(()),
         }
     }
@@ -377,6 +381,13 @@ mod tests {
         assert_eq!(
             with("[0, 2]", "[2, 2]"),
             "DIR/recording.json: background_frames is [2, 2], expected [first, end) with first < end"
+        );
+        let points = r#""camera", "floor_points": [{"pixel": [0, 0], "floor_m": [0, 0]}, {"pixel": [9, 0], "floor_m": [1, 0]},
+            {"pixel": [0, 9], "floor_m": [0, 1]}, {"pixel": [9, 9], "floor_m": [1, 1]}]"#;
+        let unsized_camera = MANIFEST.replace("\"patches\"", points).replace("\"size\": [64, 64],", "");
+        assert_eq!(
+            error(&unsized_camera, &["00000000.png"]),
+            "DIR/recording.json: size is missing, expected with layout \"camera\" the images' [width, height] in pixels"
         );
         assert!(error(MANIFEST, &[]).starts_with("DIR/frames: no images"));
     }
