@@ -152,17 +152,34 @@ fn a_background_in_the_middle_of_a_recording_is_waited_for() {
 fn it_ends_within_two_seconds_and_tells_its_clients() {
     let dir = recording(9);
     let mut daemon = Daemon::start(&format!("replay:{},loop", dir.path().display()), &[]);
-    let mut socket = daemon.live();
-    next(&mut socket).expect("an update");
-    let listener = std::thread::spawn(move || {
-        loop {
-            if let Err(code) = next(&mut socket) {
-                return code;
-            }
-        }
-    });
+    let listeners: Vec<_> = (0..8)
+        .map(|_| {
+            let mut socket = daemon.live();
+            next(&mut socket).expect("an update");
+            std::thread::spawn(move || {
+                loop {
+                    if let Err(code) = next(&mut socket) {
+                        return code;
+                    }
+                }
+            })
+        })
+        .collect();
     let (took, code) = daemon.terminate();
     assert_eq!(code, Some(0));
     assert!(took < Duration::from_secs(4), "{took:?}");
-    assert_eq!(listener.join().unwrap(), Some(1001));
+    for listener in listeners {
+        assert_eq!(listener.join().unwrap(), Some(1001));
+    }
+}
+
+#[test]
+fn a_client_that_does_not_listen_does_not_hold_up_the_end() {
+    let dir = recording(9);
+    let mut daemon = Daemon::start(&format!("replay:{},loop", dir.path().display()), &[]);
+    let mut mute = daemon.live();
+    next(&mut mute).expect("an update");
+    let (took, code) = daemon.terminate();
+    assert_eq!(code, Some(0));
+    assert!(took < Duration::from_secs(4), "{took:?}");
 }

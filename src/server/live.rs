@@ -9,7 +9,7 @@ use axum::response::Response;
 use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
-use super::Shared;
+use super::{FAREWELL, Shared};
 
 /// A client that takes no bytes for this long is gone.
 const SEND_LIMIT: Duration = Duration::from_secs(10);
@@ -68,7 +68,7 @@ async fn serve(mut socket: WebSocket, shared: Shared) {
                 let reason = Utf8Bytes::from_static("doorcam is shutting down");
                 let farewell = Message::Close(Some(CloseFrame { code: close_code::AWAY, reason }));
                 // It is over either way.
-                let _ = timeout(SEND_LIMIT, socket.send(farewell)).await;
+                let _ = timeout(FAREWELL, part(&mut socket, farewell)).await;
                 return;
             }
         };
@@ -76,6 +76,16 @@ async fn serve(mut socket: WebSocket, shared: Shared) {
             return;
         }
     }
+}
+
+/// Says farewell and waits until the client has left. A socket that is dropped with a pong of the client's still unread
+/// resets the connection, and the reset overtakes the farewell.
+async fn part(socket: &mut WebSocket, farewell: Message) -> Result<(), axum::Error> {
+    socket.send(farewell).await?;
+    while let Some(received) = socket.recv().await {
+        received?;
+    }
+    Ok(())
 }
 
 /// Completes when the server ends, or is gone.

@@ -17,6 +17,7 @@ use axum::http::{HeaderValue, Method, Uri};
 use axum::routing::get;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
+use tokio::time::timeout;
 use tower_http::set_header::SetResponseHeaderLayer;
 
 use self::pictures::Pictures;
@@ -56,7 +57,7 @@ pub struct Server {
 }
 
 /// How long clients are given to leave when the server ends.
-const FAREWELL: Duration = Duration::from_secs(2);
+const FAREWELL: Duration = Duration::from_millis(1500);
 
 impl Server {
     /// Binds the address; port 0 takes a free one.
@@ -80,25 +81,29 @@ impl Server {
         self.address
     }
 
-    /// Serves until `end` completes, then tells clients and gives them two seconds.
-    pub async fn serve(self, hub: Arc<Hub>, end: impl Future<Output = ()> + Send + 'static) -> Result<(), ServerError> {
+    /// Serves until `end` completes, then tells clients and gives them a moment to leave.
+    pub async fn serve(self, hub: Arc<Hub>, end: impl Future<Output = ()>) -> Result<(), ServerError> {
         let (tell, ending) = watch::channel(false);
-        let mut ended = ending.clone();
+        let mut told = ending.clone();
         let shared = Shared { hub, pictures: Arc::default(), clients: Arc::default(), ending };
         let serving = axum::serve(self.listener, routes(shared)).with_graceful_shutdown(async move {
-            end.await;
-            // The receivers live as long as the server.
-            let _ = tell.send(true);
+            // An error would mean that nobody is left to tell.
+            let _ = told.wait_for(|&e| e).await;
         });
-        let overdue = async move {
-            // An error means that the server is gone already.
-            let _ = ended.wait_for(|&e| e).await;
-            tokio::time::sleep(FAREWELL).await;
-        };
+        let mut serving = std::pin::pin!(serving.into_future());
         tokio::select! {
-            result = serving => result.map_err(ServerError::Stopped),
-            () = overdue => Ok(()),
+            result = &mut serving => return result.map_err(ServerError::Stopped),
+            () = end => {}
         }
+        tell.send_replace(true);
+        let leaving = async {
+            let result = serving.await;
+            // Requests are answered by now, but the server does not know of the live sockets that some of them became:
+            // each holds a receiver.
+            tell.closed().await;
+            result
+        };
+        timeout(FAREWELL, leaving).await.unwrap_or(Ok(())).map_err(ServerError::Stopped)
     }
 }
 
