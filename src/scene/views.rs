@@ -11,6 +11,14 @@ pub struct Intensity {
     pub colour: Rgb,
 }
 
+impl Intensity {
+    /// ‖c‖, what eq. 13's penalty counts.
+    pub fn strength(&self) -> f64 {
+        // `hypot` would guard against overflow, at ten times the price.
+        (self.left * self.left + self.right * self.right).sqrt()
+    }
+}
+
 /// Which part of a change to look at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sign {

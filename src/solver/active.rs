@@ -2,6 +2,7 @@
 //! instead of O(N).
 
 use nalgebra::DMatrix;
+use pulp::{Arch, Simd, WithSimd};
 
 use super::facet::{Admissible, Pair};
 use super::projection::Correlations;
@@ -32,12 +33,29 @@ pub(super) fn product(a: &Pair, b: &Pair) -> f64 {
 }
 
 /// Takes what light of one colour at one facet explains out of a side's correlations; `gram` is the facet's column.
+#[inline(always)]
 pub(super) fn take_out(correlations: &mut [Vec<f64>; 3], gram: &[f64], colour: [f64; 3]) {
-    let [red, green, blue] = correlations;
-    for (((red, green), blue), g) in red.iter_mut().zip(green).zip(blue).zip(gram) {
-        *red -= colour[0] * g;
-        *green -= colour[1] * g;
-        *blue -= colour[2] * g;
+    for (correlations, colour) in correlations.iter_mut().zip(colour) {
+        correlations.iter_mut().zip(gram).for_each(|(value, g)| *value -= colour * g);
+    }
+}
+
+/// Takes what lights explain out of a side's correlations, with the widest registers there are.
+pub(super) struct TakeOut<'a, I> {
+    pub correlations: &'a mut [Vec<f64>; 3],
+    pub side: usize,
+    /// Each facet's column of the side's Gram matrix, and its light.
+    pub columns: I,
+}
+
+impl<'a, I: Iterator<Item = (&'a [f64], &'a Intensity)>> WithSimd for TakeOut<'_, I> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (column, light) in self.columns.filter(|(_, light)| lit(light)) {
+            take_out(self.correlations, column, rank_one(light)[self.side]);
+        }
     }
 }
 
@@ -131,10 +149,10 @@ impl Active {
                 point.correlations[s][p].clone_from(&self.rhs[s][p]);
             }
         }
-        for i in 0..self.len() {
-            if lit(&point.light[i]) {
-                self.spread(point, i, rank_one(&point.light[i]));
-            }
+        let lights = point.light.iter().enumerate();
+        for (s, correlations) in point.correlations.iter_mut().enumerate() {
+            let columns = lights.clone().map(|(i, light)| (self.row(s, i), light));
+            Arch::new().dispatch(TakeOut { correlations, side: s, columns });
         }
     }
 
@@ -149,7 +167,7 @@ impl Active {
     pub fn terms(&self, point: &Point) -> (f64, f64) {
         let (mut explained, mut penalty) = (0.0, 0.0);
         for (i, light) in point.light.iter().enumerate().filter(|(_, light)| lit(light)) {
-            penalty += self.lambdas[i] * light.left.hypot(light.right);
+            penalty += self.lambdas[i] * light.strength();
             let (w, z) = (pair(&self.rhs, i), pair(&point.correlations, i));
             explained += product(&rank_one(light), &w) + product(&rank_one(light), &z);
         }
@@ -167,7 +185,7 @@ impl Active {
     pub fn fall(&self, from: &Point, to: &Point) -> f64 {
         let mut fall = 0.0;
         for (i, (a, b)) in from.light.iter().zip(&to.light).enumerate().filter(|(_, (a, b))| a != b) {
-            fall += self.lambdas[i] * (a.left.hypot(a.right) - b.left.hypot(b.right));
+            fall += self.lambdas[i] * (a.strength() - b.strength());
             for z in [pair(&from.correlations, i), pair(&to.correlations, i)] {
                 fall += 0.5 * (product(&rank_one(b), &z) - product(&rank_one(a), &z));
             }
@@ -188,7 +206,8 @@ impl Active {
         (0..self.len()).map(|i| self.step(point, i)).sum()
     }
 
-    fn step(&self, point: &mut Point, i: usize) -> f64 {
+    /// Moves one facet to its exact minimiser; returns by how much the objective fell.
+    pub fn step(&self, point: &mut Point, i: usize) -> f64 {
         let energy = [self.row(0, i)[i], self.row(1, i)[i]];
         let (old, lambda) = (point.light[i], self.lambdas[i]);
         let own = rank_one(&old);
@@ -201,7 +220,7 @@ impl Active {
         let new = self.kinds[i].minimise(&g, energy, lambda);
         let cost = local_cost(&new, &g, energy, lambda);
         let fall = local_cost(&old, &g, energy, lambda) - cost;
-        if fall <= ROUNDING * (lambda * new.left.hypot(new.right) - cost) {
+        if fall <= ROUNDING * (lambda * new.strength() - cost) {
             return 0.0;
         }
         let x = rank_one(&new);
@@ -226,5 +245,5 @@ fn planes(n: usize) -> Planes {
 fn local_cost(i: &Intensity, g: &Pair, energy: [f64; 2], lambda: f64) -> f64 {
     let dot = |g: &[f64; 3]| (0..3).map(|p| g[p] * i.colour[p]).sum::<f64>();
     0.5 * (energy[0] * i.left * i.left + energy[1] * i.right * i.right) - i.left * dot(&g[0]) - i.right * dot(&g[1])
-        + lambda * i.left.hypot(i.right)
+        + lambda * i.strength()
 }

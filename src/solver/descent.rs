@@ -1,6 +1,7 @@
 use nalgebra::DMatrix;
+use pulp::Arch;
 
-use super::active::{Active, Planes, Point, lit, pair, product, rank_one, take_out};
+use super::active::{Active, Planes, Point, TakeOut, lit, pair, product, rank_one};
 use super::dual::dual_norm_above;
 use super::facet::Admissible;
 use super::newton::Newton;
@@ -15,23 +16,24 @@ const SECOND: f64 = 1e-6;
 /// A fall of the objective by less than this share of it is no progress.
 const STILL: f64 = 1e-12;
 
-/// A rough settlement ends when a sweep and a Newton step lower the objective by less than this share of it.
-const ROUGH: f64 = 1e-3;
+/// Progress is slow if the objective falls by less than this share of it: Newton's step then does better than a sweep, and
+/// facets that are missing do better than either.
+const SLOW: f64 = 1e-3;
+
+/// Violation of a first-order condition, as a share of λ, that is small enough to look for missing facets.
+const ROUGH: f64 = 0.1;
+
+/// How much better than the dark facets the ones with light are made to meet their conditions before facets enter.
+const AHEAD: f64 = 0.1;
+
+/// By how much the violation is brought down, when no facet is missing, before it is asked again whether one is.
+const CHECK: f64 = 0.01;
 
 /// Dark facets that enter at once at most.
 const AT_ONCE: usize = 3;
 
-/// How far to descend before facets may enter again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Effort {
-    /// Until progress slows: facets are still missing.
-    Rough,
-    /// To the tolerance.
-    Full,
-}
-
-/// Descends on eq. 13: exact minimisers facet by facet find out which facets have light and what is at its bound, Newton's
-/// steps on all of these at once converge. Dark facets enter a few at a time.
+/// Descends on eq. 13: Newton's steps on all facets with light at once converge; where they do not go smoothly, exact
+/// minimisers facet by facet find out which facets have light and what is at its bound. Dark facets enter a few at a time.
 #[derive(Debug, Clone)]
 pub struct Solver {
     gram: [DMatrix<f64>; 2],
@@ -50,6 +52,16 @@ pub struct Workspace {
     active: Active,
     point: Point,
     newton: Newton,
+    /// How many of the facets in play, the last ones, have just entered.
+    fresh: usize,
+}
+
+/// What a descent over the facets in play did.
+struct Settled {
+    /// By how much the objective fell.
+    fall: f64,
+    /// The largest violation of a first-order condition of the facets with light, as a share of λ.
+    residual: f64,
 }
 
 impl Solver {
@@ -105,6 +117,7 @@ impl Solver {
             active: Active::with_capacity(n),
             point: Point::with_capacity(n),
             newton: Newton::with_capacity(n),
+            fresh: 0,
         }
     }
 
@@ -143,23 +156,31 @@ impl Solver {
         solution.sweeps = 0;
         solution.capped = false;
         work.newton.reset();
+        let mut residual = 0.0;
+        let (mut moved, mut stuck) = (true, false);
         if solution.warm {
+            work.fresh = 0;
             work.active.facets.clear();
             work.active.facets.extend((0..n).filter(|&k| lit(&solution.intensities[k])));
-            self.settle(frame, lambda, limits, Effort::Rough, work, solution);
+            residual = self.settle(frame, lambda, limits, ROUGH, work, solution).residual;
         }
-        let (mut settled, mut moved) = (false, true);
         loop {
             self.correlate(frame, lambda, work, solution);
-            // A facet may want light by so little that taking it in changes nothing.
-            let entered = self.enter(lambda, limits, work, solution) && moved;
-            if solution.capped || (settled && !entered) {
+            let excess = self.enter(lambda, limits, work, solution);
+            if !moved {
+                // A facet may want light by so little that taking it in changes nothing.
+                work.active.facets.truncate(work.active.len() - work.fresh);
+                work.fresh = 0;
+            }
+            let complete = work.fresh == 0;
+            if solution.capped || (complete && (stuck || residual <= limits.tolerance)) {
                 break;
             }
-            settled = !entered;
-            let effort = if entered { Effort::Rough } else { Effort::Full };
-            let fall = self.settle(frame, lambda, limits, effort, work, solution);
-            moved = fall > STILL * work.active.objective(&work.point);
+            let target = if complete { CHECK * residual } else { AHEAD * excess };
+            let settled = self.settle(frame, lambda, limits, target.clamp(limits.tolerance, ROUGH), work, solution);
+            residual = settled.residual;
+            moved = settled.fall > STILL * work.active.objective(&work.point);
+            stuck = complete && !moved;
         }
         self.certify(frame, lambda, work, solution);
     }
@@ -169,23 +190,22 @@ impl Solver {
         for (correlations, rhs) in work.correlations.iter_mut().flatten().zip(frame.rhs.iter().flatten()) {
             correlations.clone_from(rhs);
         }
-        let lights = solution.intensities.iter().enumerate().filter(|(_, i)| lit(i));
-        for (n, light) in lights {
-            let x = rank_one(light);
-            for ((correlations, gram), x) in work.correlations.iter_mut().zip(&self.gram).zip(x) {
-                take_out(correlations, gram.column(n).as_slice(), x);
-            }
+        let lights = solution.intensities.iter().enumerate();
+        for (s, correlations) in work.correlations.iter_mut().enumerate() {
+            let columns = lights
+                .clone()
+                .map(|(n, light)| (&self.gram[s].as_slice()[n * self.facets()..][..self.facets()], light));
+            Arch::new().dispatch(TakeOut { correlations, side: s, columns });
         }
         for (n, dual) in work.dual.iter_mut().enumerate() {
             *dual = dual_norm_above(self.admissible[n], &pair(&work.correlations, n), lambda * self.weights[n]);
         }
     }
 
-    /// Puts the facets that have light into play, and the dark ones that want it most; false if no dark one does.
-    fn enter(&self, lambda: f64, limits: Limits, work: &mut Workspace, solution: &Solution) -> bool {
-        // A few at a time: the strongest ones usually explain what made the others want light.
-        let at_once = AT_ONCE;
-        let Workspace { dual, wanting, active, .. } = work;
+    /// Puts the facets that have light into play, and the dark ones that want it most; returns by how much the one that
+    /// wants it most exceeds λ, as a share of it.
+    fn enter(&self, lambda: f64, limits: Limits, work: &mut Workspace, solution: &Solution) -> f64 {
+        let Workspace { dual, wanting, active, fresh, .. } = work;
         wanting.clear();
         wanting.extend(
             (dual.iter().zip(&self.weights).enumerate())
@@ -194,54 +214,68 @@ impl Solver {
                 .filter(|&(strength, _)| strength > lambda * (1.0 + limits.tolerance)),
         );
         wanting.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        // A few at a time: the strongest ones usually explain what made the others want light.
+        *fresh = wanting.len().min(AT_ONCE);
         active.facets.clear();
         active.facets.extend((0..solution.intensities.len()).filter(|&n| lit(&solution.intensities[n])));
-        active.facets.extend(wanting.iter().take(at_once).map(|&(_, n)| n));
-        !wanting.is_empty()
+        active.facets.extend(wanting[..*fresh].iter().map(|&(_, n)| n));
+        wanting.first().map_or(0.0, |&(strength, _)| strength / lambda - 1.0)
     }
 
-    /// Descends over the facets in play; returns by how much the objective fell.
+    /// Descends over the facets in play until none that has light violates a condition by more than `target`, or until
+    /// other facets are needed.
     fn settle(
         &self,
         frame: &Correlations,
         lambda: f64,
         limits: Limits,
-        effort: Effort,
+        target: f64,
         work: &mut Workspace,
         solution: &mut Solution,
-    ) -> f64 {
-        let Workspace { active, point, newton, .. } = work;
+    ) -> Settled {
+        let Workspace { active, point, newton, fresh, .. } = work;
         active.load(&self.gram, frame, |n| (self.admissible[n], lambda * self.weights[n]));
         point.light.clear();
         point.light.extend(active.facets.iter().map(|&n| solution.intensities[n]));
         active.correlate(point);
-        let mut total = 0.0;
+        let mut settled = Settled { fall: 0.0, residual: 0.0 };
+        for i in active.len() - *fresh..active.len() {
+            settled.fall += active.step(point, i);
+        }
+        // Light of the frame before is a guess: which of it is still there?
+        let mut sweep = solution.sweeps == 0 && *fresh == 0;
         loop {
             if solution.sweeps >= limits.sweeps {
                 solution.capped = true;
                 break;
             }
-            let fall = active.sweep(point);
-            let newton_fall = newton.step(active, point);
-            solution.sweeps += 2;
-            let progress = fall + newton_fall.unwrap_or(0.0);
-            total += progress;
+            let mut fall = 0.0;
+            if sweep {
+                fall += active.sweep(point);
+                solution.sweeps += 1;
+                if fall > SLOW * active.objective(point) {
+                    settled.fall += fall;
+                    continue;
+                }
+            }
+            let step = newton.step(active, point);
+            solution.sweeps += 1;
             let objective = active.objective(point);
-            if effort == Effort::Rough && progress <= ROUGH * objective {
-                break;
-            }
-            if active.residual(point) <= limits.tolerance && fall <= STILL * objective {
-                break;
-            }
             // Newton's last steps change the objective by less than its rounding: no step at all is the end.
-            if newton_fall.is_none() && fall <= STILL * objective {
+            let over = sweep && step.is_none() && fall <= STILL * objective;
+            fall += step.map_or(0.0, |step| step.fall);
+            settled.fall += fall;
+            settled.residual = active.residual(point);
+            let missing = *fresh > 0 && settled.residual <= ROUGH && fall <= SLOW * objective;
+            if settled.residual <= target || missing || over {
                 break;
             }
+            sweep = step.is_none_or(|step| !step.smooth);
         }
         for (&n, &light) in active.facets.iter().zip(&point.light) {
             solution.intensities[n] = light;
         }
-        total
+        settled
     }
 
     /// Fills in what is known about the solution.
@@ -262,7 +296,7 @@ impl Solver {
             let z = pair(&work.correlations, n);
             residual = residual.max(violation(self.admissible[n], i, &z, penalty_n));
             solution.wants_second.push(excess > 1.0 + SECOND);
-            penalty += penalty_n * i.left.hypot(i.right);
+            penalty += penalty_n * i.strength();
             explained += product(&rank_one(i), &pair(&frame.rhs, n));
             left_over += product(&rank_one(i), &z);
         }

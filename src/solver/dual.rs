@@ -41,6 +41,16 @@ pub(super) fn dual_norm_above(kind: Admissible, pair: &Pair, lambda: f64) -> f64
     if most <= lambda { most } else { kind.dual_norm(pair) }
 }
 
+/// The dual norm where v may have any sign and c_L, c_R >= 0: h² is then cᵀ M c with one M = [ll lr; lr rr] for all c, and
+/// its largest value over the quadrant is M's larger eigenvalue, whose eigenvector is in the quadrant if lr >= 0, or else
+/// is at one of the quadrant's ends.
+pub(super) fn signed_dual_norm([left, right]: &Pair) -> f64 {
+    let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let (ll, lr, rr) = (dot(left, left), dot(left, right), dot(right, right));
+    let h2 = if lr > 0.0 { 0.5 * (ll + rr + ((ll - rr) * (ll - rr) + 4.0 * lr * lr).sqrt()) } else { ll.max(rr) };
+    h2.sqrt()
+}
+
 /// (sin, cos) of the leading eigenvector of M_S, with S the bits of `set`.
 fn leading(pair: &Pair, set: usize) -> (f64, f64) {
     let (mut ll, mut lr, mut rr) = (0.0, 0.0, 0.0);
@@ -50,12 +60,12 @@ fn leading(pair: &Pair, set: usize) -> (f64, f64) {
     }
     // Half the angle of (ll − rr, 2 lr), by the half-angle formula that does not cancel.
     let (x, y) = (ll - rr, 2.0 * lr);
-    let r = x.hypot(y);
+    let r = (x * x + y * y).sqrt();
     if r == 0.0 {
         return (0.0, 1.0);
     }
     let (cos, sin) = if x >= 0.0 { (r + x, y) } else { (y.abs(), (r - x).copysign(y)) };
-    let length = cos.hypot(sin);
+    let length = (cos * cos + sin * sin).sqrt();
     (sin / length, cos / length)
 }
 

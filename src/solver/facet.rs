@@ -9,7 +9,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::LazyLock;
 
-use super::dual::dual_direction;
+use super::dual::{dual_direction, signed_dual_norm};
 use crate::scene::Intensity;
 
 /// Which (c_L, c_R) and v a facet may have.
@@ -61,7 +61,7 @@ impl Admissible {
 
     /// max over admissible unit c and v of ⟨c vᵀ, g⟩: the facet stays dark if and only if this is at most λ.
     pub fn dual_norm(self, pair: &Pair) -> f64 {
-        dual_direction(self, pair).0
+        if self == Admissible::Signed { signed_dual_norm(pair) } else { dual_direction(self, pair).0 }
     }
 
     /// The facet's exact minimiser; zero if the facet is better dark.

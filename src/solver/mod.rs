@@ -22,6 +22,7 @@ mod projection;
 mod refit;
 mod solution;
 mod stationarity;
+mod tangent;
 
 pub use audit::{Audit, audit};
 pub use descent::{Solver, Workspace};

@@ -9,7 +9,7 @@ use crate::scene::Intensity;
 
 /// The largest violated condition, as a share of λ.
 pub(super) fn violation(kind: Admissible, i: &Intensity, z: &Pair, lambda: f64) -> f64 {
-    let rho = i.left.hypot(i.right);
+    let rho = i.strength();
     let u = [i.left / rho, i.right / rho];
     let v = i.colour;
     let mut worst = 0.0_f64;
