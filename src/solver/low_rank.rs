@@ -1,4 +1,5 @@
-use nalgebra::{Cholesky, DMatrix, SymmetricEigen};
+use faer::{MatRef, Side};
+use nalgebra::{Cholesky, DMatrix};
 
 /// Every column of U C differs from its column of A by at most this share of its norm: less than what the noise of a
 /// camera or an error of a millimetre in the doorway's width does to it.
@@ -18,12 +19,8 @@ impl LowRank {
     /// From the eigenvectors V of AᵀA, which is small: the first r columns of A V, made orthonormal.
     pub fn new(matrix: &DMatrix<f64>) -> Self {
         let transposed = matrix.transpose();
-        let eigen = SymmetricEigen::new(&transposed * matrix);
-        let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
-        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-        let kept = rank(matrix, &eigen, &order);
-        let directions = DMatrix::from_fn(matrix.ncols(), kept, |i, j| eigen.eigenvectors[(i, order[j])]);
-        let mut basis = matrix * directions;
+        let eigen = Eigen::new(&(&transposed * matrix));
+        let mut basis = matrix * eigen.vectors.columns(0, rank(matrix, &eigen));
         // Small singular values come with large relative errors; twice brings what is left of them down to rounding.
         orthonormalise(&mut basis);
         orthonormalise(&mut basis);
@@ -32,23 +29,43 @@ impl LowRank {
     }
 }
 
+/// A symmetric matrix's eigenvalues and eigenvectors, the largest eigenvalue first.
+struct Eigen {
+    values: Vec<f64>,
+    vectors: DMatrix<f64>,
+}
+
+impl Eigen {
+    fn new(matrix: &DMatrix<f64>) -> Self {
+        let n = matrix.nrows();
+        let view = MatRef::from_column_major_slice(matrix.as_slice(), n, n);
+        // faer's is several times as fast as nalgebra's. It fails on values that are not finite only; nothing is then kept.
+        match view.self_adjoint_eigen(Side::Lower) {
+            Ok(eigen) => Self {
+                values: (0..n).rev().map(|k| eigen.S()[k]).collect(),
+                vectors: DMatrix::from_fn(n, n, |i, j| eigen.U()[(i, n - 1 - j)]),
+            },
+            Err(_) => Self { values: Vec::new(), vectors: DMatrix::zeros(n, 0) },
+        }
+    }
+}
+
 /// How many of the strongest directions leave no column with more than the tolerance, judged by the eigenvalues λ: column n
 /// has λ_k V_nk² along direction k.
-fn rank(matrix: &DMatrix<f64>, eigen: &SymmetricEigen<f64, nalgebra::Dyn>, order: &[usize]) -> usize {
+fn rank(matrix: &DMatrix<f64>, eigen: &Eigen) -> usize {
     let norms: Vec<f64> = matrix.column_iter().map(|c| c.norm_squared()).collect();
     let mut left = norms.clone();
-    let largest = order.first().map_or(0.0, |&k| eigen.eigenvalues[k]);
-    for (taken, &k) in order.iter().enumerate() {
-        let value = eigen.eigenvalues[k];
+    let largest = eigen.values.first().copied().unwrap_or(0.0);
+    for (taken, (&value, vector)) in eigen.values.iter().zip(eigen.vectors.column_iter()).enumerate() {
         let done = left.iter().zip(&norms).all(|(left, norm)| *left <= TOLERANCE * TOLERANCE * norm);
         if done || value <= ROUNDING * ROUNDING * largest {
             return taken;
         }
-        for (left, share) in left.iter_mut().zip(eigen.eigenvectors.column(k).iter()) {
+        for (left, share) in left.iter_mut().zip(vector.iter()) {
             *left -= value * share * share;
         }
     }
-    order.len()
+    eigen.values.len()
 }
 
 /// Makes columns that are nearly orthogonal orthonormal: with BᵀB = L Lᵀ, B becomes B L⁻ᵀ.
@@ -58,9 +75,10 @@ fn orthonormalise(basis: &mut DMatrix<f64>) {
         column /= norm;
     }
     if let Some(factor) = Cholesky::new(basis.transpose() * &*basis) {
-        let mut transposed = basis.transpose();
-        if factor.l().solve_lower_triangular_mut(&mut transposed) {
-            *basis = transposed.transpose();
+        // L is close to the unit matrix, so that its inverse is as exact as a solve with it, and far faster to apply.
+        let mut inverse = DMatrix::identity(basis.ncols(), basis.ncols());
+        if factor.l().solve_lower_triangular_mut(&mut inverse) {
+            *basis *= inverse.transpose();
         }
     }
 }
