@@ -1,4 +1,4 @@
-//! A frame's way from the difference measurement to the solution allocates nothing once it was gone before.
+//! A frame's way from the difference measurement to the solution and its refit allocates nothing once it was gone before.
 //!
 //! What is made of the solution for others, the scene, the update and its JSON text, has vectors of its own for every frame:
 //! it is shared with everyone and outlives the frame.
@@ -40,11 +40,13 @@ fn no_allocation_after_the_first_time() {
         let problem = Problem::random(60, 40, 7, |_| kind);
         let solver = problem.solver();
         let mut workspace = solver.workspace();
-        let mut solution = Solution::default();
+        let (mut solution, mut factors) = (Solution::default(), Vec::new());
         let lambda = 0.05 * solver.lambda_max(&problem.frame);
         let mut solve = |share: f64, start: Start| {
             solver.solve_into(&problem.frame, share * lambda, Limits::default(), start, &mut workspace, &mut solution);
+            solver.refit(&problem.frame, &solution, &mut factors);
             assert!(solution.intensities.iter().any(|i| i.left != 0.0));
+            assert!(factors.iter().any(|&f| f > 1.0));
         };
         solve(1.0, Start::Empty);
         assert_eq!(allocations(|| solve(1.0, Start::Empty)), 0, "{kind:?}, again");
@@ -54,7 +56,7 @@ fn no_allocation_after_the_first_time() {
     from_patches();
 }
 
-/// Difference, projection, λ and solution, with somebody who walks.
+/// Difference, projection, λ, solution and refit, with somebody who walks.
 fn from_patches() {
     let scenario = Scenario { patch: PatchGrid { size: 32, ..Scenario::demo().patch }, ..Scenario::demo() };
     let renderer = Renderer::new(&scenario);
@@ -80,12 +82,14 @@ fn from_patches() {
     let problem = pipeline::Problem::new(&model, &background, &difference);
     let mut correlations = problem.projection.correlations();
     let (mut workspace, mut solution) = (problem.solver.workspace(), Solution::default());
+    let mut factors = Vec::new();
     let mut walk = |start: Start| {
         for frame in &frames {
             assert!(background.difference(frame, &mut difference));
             problem.projection.project(&difference, &mut correlations).unwrap();
             let lambda = problem.lambda(problem.solver.lambda_max(&correlations));
             problem.solver.solve_into(&correlations, lambda, model.limits, start, &mut workspace, &mut solution);
+            problem.solver.refit(&correlations, &solution, &mut factors);
             assert!(solution.intensities.iter().any(|i| i.left != 0.0));
         }
     };

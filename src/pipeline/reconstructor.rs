@@ -21,6 +21,7 @@ struct Prepared {
     correlations: Correlations,
     workspace: Workspace,
     solution: Solution,
+    refit: Vec<f64>,
 }
 
 /// What one frame says about the room.
@@ -30,7 +31,8 @@ pub struct Reconstruction {
     pub solution: Solution,
     /// Views and unified map.
     pub scene: Scene,
-    /// Per facet, the factor of a least-squares refit on the support: brightness without the penalty's shrinkage.
+    /// Per facet, the factor of a least-squares refit on the support: brightness without the penalty's shrinkage
+    /// ([`refit`](crate::solver::Solver::refit)).
     pub refit: Vec<f64>,
     /// Mean change of the visible side's light: left, right. With the published model, b of eq. 12.
     pub illumination: [Rgb; 2],
@@ -86,12 +88,13 @@ impl Reconstructor {
         }
         let background_time = start.elapsed();
         let (model, background, difference) = (&self.model, &self.background, &self.difference);
-        let Prepared { problem, correlations, workspace, solution } = self.problem.get_or_insert_with(|| {
+        let Prepared { problem, correlations, workspace, solution, refit } = self.problem.get_or_insert_with(|| {
             let problem = Problem::new(model, background, difference);
             Prepared {
                 correlations: problem.projection.correlations(),
                 workspace: problem.solver.workspace(),
                 solution: Solution::default(),
+                refit: Vec::new(),
                 problem,
             }
         });
@@ -111,8 +114,8 @@ impl Reconstructor {
             let i = &solution.intensities[n];
             i.colour.map(|v| [i.left, i.right][s] * v)
         });
-        let refit = problem.solver.refit(correlations, solution);
-        let solution = solution.clone();
+        problem.solver.refit(correlations, solution, refit);
+        let (solution, refit) = (solution.clone(), refit.clone());
         Ok(Some(Reconstruction { solution, scene, refit, illumination, background_time, project_time, solve_time }))
     }
 }
