@@ -6,6 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::{GridSpec, Point, Room};
+use crate::scene::Brightness;
 use crate::solver::ModelKind;
 use crate::transport::Kernel;
 
@@ -30,7 +31,7 @@ pub struct Config {
     pub transport: TransportConfig,
     /// The inverse problem.
     pub solver: SolverConfig,
-    /// The unified map.
+    /// The unified map and its figures.
     pub scene: SceneConfig,
     /// A set of values that overrides the sections above it names.
     #[serde(skip)]
@@ -209,11 +210,13 @@ impl TryFrom<LambdaText> for Lambda {
 pub struct SceneConfig {
     /// t of eq. 15, relative to the largest |c|.
     pub unified_threshold: f64,
+    /// Which brightness figures show.
+    pub brightness: Brightness,
 }
 
 impl Default for SceneConfig {
     fn default() -> Self {
-        Self { unified_threshold: 0.07 }
+        Self { unified_threshold: 0.07, brightness: Brightness::Measured }
     }
 }
 
@@ -221,7 +224,7 @@ impl Default for SceneConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
-    /// The authors' program: its grid, kernel, 0.15 m patches, preprocessing and λ.
+    /// The authors' program: its grid, kernel, 0.15 m patches, preprocessing, λ and the brightness of its figures.
     Published,
 }
 
@@ -254,6 +257,7 @@ impl Config {
             self.patch = PatchConfig { fov_m: 0.15, pixels: 64, ..self.patch };
             self.transport = TransportConfig { kernel: Kernel::Published, facet_height_m: 2.0 };
             self.solver.model = ModelKind::Published;
+            self.scene.brightness = Brightness::Shrunk;
         }
         self.preset = preset;
         self

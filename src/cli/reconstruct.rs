@@ -147,11 +147,12 @@ impl<'a> Pictures<'a> {
         };
         let solution = &published.update.solution;
         let caption = format!(
-            "{}, frame {frame}: λ = {:.4}, objective {:.5}, {} facets changed",
+            "{}, frame {frame}: λ = {:.4}, objective {:.5}, {} facets changed, {}",
             self.title,
             solution.lambda,
             solution.objective,
-            published.update.facets.len()
+            published.update.facets.len(),
+            model.brightness.words()
         );
         let svg = render::reconstruction_svg(&model.picture(scene, Some(difference), &caption));
         self.save(&format!("reconstruction_{frame:08}.svg"), svg.as_bytes())?;

@@ -5,6 +5,7 @@ use jiff::Timestamp;
 use super::hub::Published;
 use super::{FrameReader, ReadTimes, Reconstruction, Reconstructor, Timing, Update};
 use crate::measurement::PatchPair;
+use crate::scene::Brightness;
 use crate::solver::Audit;
 use crate::source::{Purpose, RawFrame, SkippedFrame};
 
@@ -53,7 +54,7 @@ impl Engine {
             }
             (Update::learning(&model, self.sequence, time, frame.index, timing(read, None, start)), None)
         } else {
-            let reconstruction = self
+            let mut reconstruction = self
                 .reconstructor
                 .reconstruct(&self.pair)
                 .map_err(|e| SkippedFrame { name: frame.name.clone(), reason: e.to_string() })?
@@ -61,6 +62,10 @@ impl Engine {
             self.watching = true;
             let timing = timing(read, Some(&reconstruction), start);
             let update = Update::watching(&model, self.sequence, time, frame.index, &reconstruction, timing);
+            // The update has the refit's factors beside the light; figures show one of both.
+            if model.brightness == Brightness::Measured {
+                reconstruction.scene.multiply(&reconstruction.refit);
+            }
             (update, Some(reconstruction.scene))
         };
         self.sequence += 1;

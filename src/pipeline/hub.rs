@@ -17,7 +17,7 @@ pub struct Published {
     pub update: Update,
     /// The same as JSON text, serialised once for all clients.
     pub json: Arc<str>,
-    /// Views and unified map, for pictures; none while learning.
+    /// Views and unified map in the brightness that figures show; none while learning.
     pub scene: Option<Scene>,
     /// The difference measurement, for pictures; none while learning.
     pub difference: Option<PatchPair>,

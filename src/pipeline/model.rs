@@ -2,7 +2,7 @@ use crate::config::{Config, Lambda, Preset};
 use crate::geometry::{Doorway, FacetGrid, GeometryError, Side};
 use crate::measurement::{PatchPair, edge_foot_mask};
 use crate::render::ReconstructionPicture;
-use crate::scene::Scene;
+use crate::scene::{Brightness, Scene};
 use crate::solver::{Limits, ModelKind};
 use crate::transport::{PatchGrid, PixelLayout, Transport, TransportSpec};
 
@@ -69,6 +69,8 @@ pub struct Model {
     pub limits: Limits,
     /// t of eq. 15, relative to the largest |c|.
     pub unified_threshold: f64,
+    /// Which brightness figures show.
+    pub brightness: Brightness,
     /// The preset that the values come from, if any.
     pub preset: Option<Preset>,
 }
@@ -124,6 +126,7 @@ impl Model {
             lambda_share: config.solver.lambda_share,
             limits: Limits { sweeps: config.solver.max_steps, ..Limits::default() },
             unified_threshold: config.scene.unified_threshold,
+            brightness: config.scene.brightness,
             preset: config.preset,
             grid,
         })

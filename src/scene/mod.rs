@@ -1,8 +1,10 @@
 //! What the solution says about the room: the left and right views, and the unified map (paper: section 4.4).
 
+mod brightness;
 mod unified;
 mod views;
 
+pub use brightness::Brightness;
 pub use unified::unify;
 pub use views::{Intensity, Scene, Sign};
 

@@ -49,6 +49,15 @@ impl Scene {
         Self { left: view(0, |i| i.left), right: view(1, |i| i.right), unified: unify(intensities, radiance, t) }
     }
 
+    /// Multiplies each facet's light by its factor, in all views. What the unified map leaves out stays out.
+    pub fn multiply(&mut self, factors: &[f64]) {
+        for view in [&mut self.left, &mut self.right, &mut self.unified] {
+            for (rgb, factor) in view.iter_mut().zip(factors) {
+                *rgb = rgb.map(|v| factor * v);
+            }
+        }
+    }
+
     /// Indices of the facets that are not zero in some view.
     pub fn nonzero(&self) -> impl Iterator<Item = usize> + '_ {
         let lit = |rgb: &Rgb| rgb.iter().any(|&v| v != 0.0);

@@ -30,7 +30,8 @@ impl Pictures {
     ) -> Option<Result<Bytes, render::RenderError>> {
         let scene = of.scene.as_ref()?;
         Some(drawn(&self.reconstruction, of, || {
-            let caption = format!("{}, λ = {:.4}", of.update.time, of.update.solution.lambda);
+            let (update, shown) = (&of.update, model.brightness.words());
+            let caption = format!("{}, λ = {:.4}, {shown}", update.time, update.solution.lambda);
             let svg = render::reconstruction_svg(&model.picture(scene, of.difference.as_ref(), &caption));
             render::png(&svg, WIDTH)
         }))
