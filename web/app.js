@@ -108,7 +108,7 @@ function accept(update, atS) {
   newestAtS = atS;
   if (geometryOf !== connection) return;
   scales.follow(update.facets, nowS());
-  map.show(update, scales.of(choice().layer));
+  map.show(update, scales.of(choice()));
   refreshConnection();
 }
 
@@ -143,12 +143,12 @@ async function pollStatus() {
 function choice() {
   const value = (/** @type {string} */ name) =>
     document.querySelector(`input[name="${name}"]:checked`)?.getAttribute("value");
-  return /** @type {Choice} */ ({ layer: value("layer"), signs: value("signs") });
+  return /** @type {Choice} */ ({ layer: value("layer"), signs: value("signs"), brightness: value("brightness") });
 }
 
 function choose() {
   const chosen = choice();
-  map.choose(chosen, scales.of(chosen.layer));
+  map.choose(chosen, scales.of(chosen));
   refreshPanels();
 }
 
@@ -181,7 +181,7 @@ function refreshPanels() {
   showUpdate(newest, arrivals.rateHz(now), arrivals.missed);
   if (!newest || !map.geometry || geometryOf !== connection) return;
   const chosen = choice();
-  const scale = scales.of(chosen.layer);
+  const scale = scales.of(chosen);
   setText(byId("scale"), scale > 0 ? amount(scale) : UNKNOWN);
   showLitFacets(map.geometry, newest, chosen);
   showTracks(newest.tracks);
@@ -191,6 +191,7 @@ function refreshPanels() {
 
 byId("layer").addEventListener("change", choose);
 byId("signs").addEventListener("change", choose);
+byId("brightness").addEventListener("change", choose);
 byId("lit").addEventListener("toggle", refreshPanels);
 window.addEventListener("online", () => live.hurry());
 document.addEventListener("visibilitychange", () => {

@@ -1,4 +1,6 @@
-/** @import { LitFacet, Rgb, Layer } from "./types.js" */
+import { BRIGHTNESSES, lightOf } from "./brightness.js";
+
+/** @import { Choice, Layer, LitFacet, Rgb } from "./types.js" */
 
 /**
  * The sRGB transfer curve: what arrives is linear light, what a screen wants is not.
@@ -63,12 +65,13 @@ export class RunningScale {
 
 /**
  * Left and right share one scale, so that the two views can be compared with each other; the
- * unified map has its own, for it is a combination and may be much weaker than either.
+ * unified map has its own, for it is a combination and may be much weaker than either. Each
+ * brightness has its own scales too: a map is as bright as it can be in both.
  */
 export class LayerScales {
   constructor() {
-    this.views = new RunningScale();
-    this.unified = new RunningScale();
+    const scales = () => ({ views: new RunningScale(), unified: new RunningScale() });
+    this.scales = { measured: scales(), shrunk: scales() };
   }
 
   /**
@@ -76,18 +79,22 @@ export class LayerScales {
    * @param {number} nowS
    */
   follow(facets, nowS) {
-    let views = 0;
-    let unified = 0;
-    for (const facet of facets) {
-      views = Math.max(views, strength(facet.left), strength(facet.right));
-      unified = Math.max(unified, strength(facet.unified));
+    for (const brightness of BRIGHTNESSES) {
+      let views = 0;
+      let unified = 0;
+      for (const facet of facets) {
+        const amount = (/** @type {Layer} */ layer) => strength(lightOf(facet, layer, brightness));
+        views = Math.max(views, amount("left"), amount("right"));
+        unified = Math.max(unified, amount("unified"));
+      }
+      this.scales[brightness].views.follow(views, nowS);
+      this.scales[brightness].unified.follow(unified, nowS);
     }
-    this.views.follow(views, nowS);
-    this.unified.follow(unified, nowS);
   }
 
-  /** @param {Layer} layer */
-  of(layer) {
-    return layer === "unified" ? this.unified.value : this.views.value;
+  /** @param {Pick<Choice, "layer" | "brightness">} choice */
+  of({ layer, brightness }) {
+    const { views, unified } = this.scales[brightness];
+    return layer === "unified" ? unified.value : views.value;
   }
 }

@@ -6,6 +6,7 @@
 
 /** @typedef {"unified" | "left" | "right"} Layer */
 /** @typedef {"both" | "brighter" | "darker"} Signs */
+/** @typedef {"measured" | "shrunk"} Brightness */
 
 /**
  * @typedef {object} Geometry
@@ -22,6 +23,7 @@
  * @property {Rgb} left
  * @property {Rgb} right
  * @property {Rgb} unified
+ * @property {number} refit  times this, the light is as bright as measured
  */
 
 /**
@@ -72,6 +74,6 @@
  * @property {number} clients
  */
 
-/** @typedef {{ layer: Layer, signs: Signs }} Choice  what the two selectors above the map say */
+/** @typedef {{ layer: Layer, signs: Signs, brightness: Brightness }} Choice  what the selectors above the map say */
 
 export {};

@@ -23,6 +23,9 @@ describe("everyone", () => {
     await page.keyboard.press("ArrowRight");
     assert.equal(await page.getByLabel("Brighter", { exact: true }).isChecked(), true);
     await page.keyboard.press("Tab");
+    await page.keyboard.press("ArrowRight");
+    assert.equal(await page.getByLabel("Shrunk light").isChecked(), true);
+    await page.keyboard.press("Tab");
     await page.keyboard.press("Enter");
     await page.locator("#lit[open]").waitFor();
   });

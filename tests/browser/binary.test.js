@@ -6,6 +6,7 @@
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { after, before, describe, test } from "node:test";
+import { lightOf } from "../../web/brightness.js";
 import { DESKTOP, PHONE, draws, launch, look, open, picture, reaches, settled } from "./browser.js";
 import { middle } from "./scene.js";
 
@@ -120,11 +121,13 @@ async function drawnFacet(page) {
     while (Date.now() < until) {
       const update = /** @type {Update} */ (await fetchJson(page, "reconstruction"));
       const strength = (/** @type {Rgb} */ rgb) => Math.max(...rgb.map(Math.abs));
-      const [best] = update.facets.sort((a, b) => strength(b[layer]) - strength(a[layer]));
-      if (!best || strength(best[layer]) === 0) continue;
-      const brighter = strength(best[layer]) === Math.max(...best[layer]);
+      // The page shows measured light unless told otherwise.
+      const facets = update.facets.map((facet) => ({ ...facet, rgb: lightOf(facet, layer, "measured") }));
+      const [best] = facets.sort((a, b) => strength(b.rgb) - strength(a.rgb));
+      if (!best || strength(best.rgb) === 0) continue;
+      const brighter = strength(best.rgb) === Math.max(...best.rgb);
       const { colour, sequence } = await look(page, middle(geometry, best.index), brighter ? 0 : 6);
-      if (sequence === update.sequence) return { index: best.index, rgb: best[layer], colour };
+      if (sequence === update.sequence) return { index: best.index, rgb: best.rgb, colour };
     }
   }
   throw new Error("no lit facet in any layer within the time");

@@ -56,6 +56,54 @@ describe("map", () => {
     assert.deepEqual(await colourAt(page, place), [0, 0, 255]);
   });
 
+  test("draws the measured brightness, or the shrunk one when asked", async (t) => {
+    const { mock, page } = await visit(t);
+    const strong = nearest(mock.geometry, -0.6, 1.2);
+    const weak = nearest(mock.geometry, 0.6, 1.2);
+    /** @type {[import("../../web/types.js").Layer, string][]} */
+    const layers = [["unified", "Unified"], ["left", "Left view"], ["right", "Right view"]];
+    // The weak one is shrunk most: as measured it is half as bright as the other, as shrunk an eighth.
+    mock.send(update(1, [lit(strong, [0.016, 0, 0], { refit: 1.25 }), lit(weak, [0, 0.002, 0], { refit: 5 })]));
+    await draws(page, 1);
+    // An eighth is linear 0.125, in sRGB 99; a half is 188.
+    for (const [brightness, green] of /** @type {const} */ ([["Measured light", 188], ["Shrunk light", 99], ["Measured light", 188]])) {
+      await page.getByLabel(brightness).check({ force: true });
+      for (const [layer, label] of layers) {
+        await page.getByLabel(label).check({ force: true });
+        await settled(page);
+        assert.deepEqual(await colourAt(page, middle(mock.geometry, strong)), [255, 0, 0], `${brightness}, ${layer}`);
+        assert.deepEqual(await colourAt(page, middle(mock.geometry, weak)), [0, green, 0], `${brightness}, ${layer}`);
+      }
+      // The scale says what full brightness is.
+      const scale = brightness === "Measured light" ? "0.0200" : "0.0160";
+      await page.waitForFunction((text) => document.getElementById("scale")?.textContent === text, scale);
+    }
+    // An update that comes later is drawn in the chosen one.
+    await page.getByLabel("Shrunk light").check({ force: true });
+    mock.send(update(2, [lit(strong, [0.016, 0, 0], { refit: 1.25 }), lit(weak, [0, 0.004, 0], { refit: 4 })]));
+    await draws(page, 2);
+    assert.deepEqual(await colourAt(page, middle(mock.geometry, weak)), [0, 137, 0], "a quarter");
+  });
+
+  test("orders facets by the brightness that is shown", async (t) => {
+    const { mock, page } = await visit(t);
+    const [near, far] = [nearest(mock.geometry, 0.7, 1.2), nearest(mock.geometry, -0.7, 1.2)];
+    mock.send(update(1, [lit(near, [0.003, 0, 0], { refit: 5 }), lit(far, [0.01, 0, 0], { refit: 1.2 })]));
+    await draws(page, 1);
+    await page.getByText("Lit facets", { exact: false }).first().click();
+    const first = page.locator("#lit-rows tr").first();
+    for (const [brightness, index] of /** @type {const} */ ([["Measured light", near], ["Shrunk light", far]])) {
+      await page.getByLabel(brightness).check({ force: true });
+      await page.waitForFunction((wanted) => document.querySelector("#lit-rows td")?.textContent === wanted, String(index));
+      const summary = await page.locator("#map-summary").innerText();
+      assert.ok(summary.includes(middle(mock.geometry, index)[0] < 0 ? "at \u22120." : "at 0."), summary);
+    }
+    await page.getByLabel("Measured light").check({ force: true });
+    await page.waitForFunction((wanted) => document.querySelector("#lit-rows td")?.textContent === wanted, String(near));
+    const cells = await first.locator("td").allInnerTexts();
+    assert.deepEqual(cells.slice(2, 4), ["measured\nshrunk", "0.0150  0  0\n0.0030  0  0"]);
+  });
+
   test("shows a darker facet as a hatched outline, not as a bright one", async (t) => {
     const { mock, page } = await visit(t);
     const index = nearest(mock.geometry, -0.5, 1.4);
@@ -78,7 +126,7 @@ describe("map", () => {
   test("shows a facet's numbers under the pointer, and the strongest first in a table", async (t) => {
     const { mock, page } = await visit(t);
     const [weak, strong] = [nearest(mock.geometry, 0.7, 1.2), nearest(mock.geometry, -0.7, 1.2)];
-    mock.send(update(1, [lit(weak, [0.004, 0, 0]), lit(strong, [0, -0.0123, 0], { left: [0, -0.02, 0] })]));
+    mock.send(update(1, [lit(weak, [0.004, 0, 0]), lit(strong, [0, -0.0123, 0], { left: [0, -0.02, 0], refit: 2 })]));
     await draws(page, 1);
     const [x, y] = middle(mock.geometry, strong);
     const at = await page.evaluate(([x, y]) => /** @type {any} */ (window).doorcam.mapPoint(x, y), [x, y]);
@@ -87,8 +135,10 @@ describe("map", () => {
     await tooltip.waitFor();
     const text = await tooltip.innerText();
     assert.match(text, new RegExp(`Facet ${strong}\\b`));
-    assert.match(text, /Unified\s+0\s+\u22120\.0123\s+0/);
-    assert.match(text, /Left\s+0\s+\u22120\.0200\s+0/);
+    assert.match(text, /Unified, measured\s+0\s+\u22120\.0246\s+0/);
+    assert.match(text, /Left, measured\s+0\s+\u22120\.0400\s+0/);
+    assert.match(text, /Unified, shrunk\s+0\s+\u22120\.0123\s+0/);
+    assert.match(text, /Left, shrunk\s+0\s+\u22120\.0200\s+0/);
     await page.keyboard.press("Escape");
     await tooltip.waitFor({ state: "hidden" });
 

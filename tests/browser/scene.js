@@ -83,10 +83,10 @@ export function update(sequence, facets, rest = {}) {
 /**
  * @param {number} index
  * @param {Rgb} unified
- * @param {{ left?: Rgb, right?: Rgb }} [views]
+ * @param {{ left?: Rgb, right?: Rgb, refit?: number }} [rest]
  * @returns {LitFacet}
  */
-export const lit = (index, unified, { left = unified, right = unified } = {}) => ({ index, left, right, unified });
+export const lit = (index, unified, { left = unified, right = unified, refit = 1 } = {}) => ({ index, left, right, unified, refit });
 
 /**
  * @param {Geometry} room
@@ -140,7 +140,7 @@ export function twoPeople(room, sequence) {
     const [left, right] = views;
     const both = left[1] * right[1] > 0;
     const unified = /** @type {Rgb} */ (both ? left.map((c, i) => (c + right[i]) / 2) : [0, 0, 0]);
-    if ([...left, ...right].some((c) => c !== 0)) facets.push({ index, left, right, unified });
+    if ([...left, ...right].some((c) => c !== 0)) facets.push({ index, left, right, unified, refit: 1.25 });
   });
   return update(sequence, facets);
 }

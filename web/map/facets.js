@@ -1,3 +1,4 @@
+import { lightOf } from "../brightness.js";
 import { cssColour, split, strength } from "../colour.js";
 import { INK } from "./ink.js";
 
@@ -24,13 +25,14 @@ const REACH_PX = 9;
  * @param {Choice} choice
  * @param {number} scale  the change drawn at full brightness
  */
-export function drawLitFacets(ctx, view, geometry, lit, { layer, signs }, scale) {
+export function drawLitFacets(ctx, view, geometry, lit, { layer, signs, brightness }, scale) {
   // The strongest last, so that nothing weaker covers it.
-  const ordered = [...lit].sort((a, b) => strength(a[layer]) - strength(b[layer]));
-  for (const facet of ordered) {
-    const segment = geometry.facets[facet.index];
+  const ordered = lit
+    .map((facet) => ({ segment: geometry.facets[facet.index], light: lightOf(facet, layer, brightness) }))
+    .sort((a, b) => strength(a.light) - strength(b.light));
+  for (const { segment, light } of ordered) {
     if (!segment) continue;
-    const { brighter, darker } = split(facet[layer]);
+    const { brighter, darker } = split(light);
     onFacet(ctx, view, segment, (length) => {
       if (signs !== "brighter" && strength(darker) > 0) drawSheath(ctx, length, sheath(view), cssColour(darker, scale));
       if (signs !== "darker" && strength(brighter) > 0) drawCore(ctx, length, core(view), cssColour(brighter, scale));

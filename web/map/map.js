@@ -30,7 +30,7 @@ export class RoomMap {
     /** @type {Update | null} */
     this.update = null;
     /** @type {Choice} */
-    this.choice = { layer: "unified", signs: "both" };
+    this.choice = { layer: "unified", signs: "both", brightness: "measured" };
     this.scale = 0;
     /** @type {number | null} */
     this.highlight = null;

@@ -1,11 +1,14 @@
+import { BRIGHTNESSES, BRIGHTNESS_NAMES, lightOf } from "../brightness.js";
 import { LAYERS, LAYER_NAMES, middle } from "../layers.js";
 import { byId, resizeList, setText } from "../dom.js";
 import { amount, position } from "../format.js";
 
 /** @import { RoomMap } from "../map/map.js" */
-/** @import { Point, Rgb } from "../types.js" */
+/** @import { LitFacet, Point } from "../types.js" */
 
 const OFFSET_PX = 14;
+/** @type {Omit<LitFacet, "index">} */
+const UNLIT = { left: [0, 0, 0], right: [0, 0, 0], unified: [0, 0, 0], refit: 1 };
 
 /** The numbers of the facet under the pointer or finger. */
 export class Tooltip {
@@ -47,14 +50,18 @@ export class Tooltip {
     const kind = map.geometry.foreground[index] === false ? "far wall" : "foreground";
     setText(byId("tooltip-title"), `Facet ${index}`);
     setText(byId("tooltip-place"), `${position(x, y)}, ${kind}`);
-    const facet = map.update?.facets.find((lit) => lit.index === index);
+    const lit = map.update?.facets.find((facet) => facet.index === index);
+    const facet = lit ?? { index, ...UNLIT };
+    // No light is none however it is counted: once is enough.
+    const brightnesses = lit ? BRIGHTNESSES : BRIGHTNESSES.slice(0, 1);
     const rows = byId("tooltip-rows");
-    resizeList(rows, LAYERS.length, headedRow);
-    LAYERS.forEach((layer, row) => {
-      const cells = rows.children[row].children;
-      const values = facet?.[layer] ?? /** @type {Rgb} */ ([0, 0, 0]);
-      setText(cells[0], LAYER_NAMES[layer]);
-      values.forEach((value, channel) => setText(cells[channel + 1], amount(value)));
+    resizeList(rows, LAYERS.length * brightnesses.length, headedRow);
+    brightnesses.forEach((brightness, group) => {
+      LAYERS.forEach((layer, row) => {
+        const cells = rows.children[group * LAYERS.length + row].children;
+        setText(cells[0], `${LAYER_NAMES[layer]}, ${BRIGHTNESS_NAMES[brightness].toLowerCase()}`);
+        lightOf(facet, layer, brightness).forEach((value, channel) => setText(cells[channel + 1], amount(value)));
+      });
     });
     this.#place(pointer);
   }
