@@ -163,15 +163,27 @@ fn import_lists_what_is_missing_and_overwrites_only_when_told() {
 }
 
 #[test]
-fn random_starts_find_nothing_much_better() {
+fn neither_random_starts_nor_the_relaxation_find_anything_much_better() {
     let Some(recordings) = imported() else { return };
-    for (scene, lambda) in [("lab-2", "0.05"), ("syn-0", "0.2")] {
+    for (scene, lambda) in [("lab-0", "0.05"), ("lab-2", "0.05"), ("lab-4", "0.01"), ("syn-0", "0.2"), ("syn-1", "0.1")]
+    {
         let recording = recordings.path().join(scene);
+        if !recording.exists() {
+            eprintln!("SKIPPED: {scene}: its measurement is not among the reference data");
+            continue;
+        }
         let path = recording.to_str().expect("UTF-8");
-        let output = run(&["reconstruct", path, "--preset", "published", "--lambda", lambda, "--audit", "20"]);
+        let output = run(&["reconstruct", path, "--preset", "published", "--lambda", lambda, "--audit", "200"]);
         let said = stderr(&output);
-        let best = said.split("the best of 20 random starts ").nth(1).expect("an audit");
-        let best: f64 = best.split(' ').next().and_then(|number| number.parse().ok()).expect("a number");
+        let after = |what: &str| -> f64 {
+            let rest = said.split(what).nth(1).unwrap_or_else(|| panic!("{scene}: no {what:?} in {said}"));
+            rest.split([' ', ',', '\n']).next().and_then(|number| number.parse().ok()).expect("a number")
+        };
+        let (best, relaxed) = (after("the best of 200 random starts "), after("two lights a facet "));
+        let (rounded, bound) = (after("and from there "), after("proven bound "));
+        eprintln!("{scene}: best of 200 {best}, two lights {relaxed}, from there {rounded}, bound {bound}");
         assert!((0.995..=1.0).contains(&best), "{scene}: {said}");
+        assert!((0.995..=1.005).contains(&rounded), "{scene}: {said}");
+        assert!(bound <= relaxed && relaxed <= best && best <= rounded, "{scene}: {said}");
     }
 }

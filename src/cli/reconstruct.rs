@@ -108,11 +108,12 @@ fn report(frame: u64, objective: f64, audit: &Audit) {
     let relative = |value: f64| value / objective;
     tracing::info!(
         "frame {frame}: objective {objective:.6}; relative to it, the best of {} random starts {:.6} ({:.0} % of them agree), \
-         two lights a facet {:.6}, proven bound {:.6}",
+         two lights a facet {:.6} and from there {:.6}, proven bound {:.6}",
         audit.starts,
         relative(audit.best),
         100.0 * audit.agreeing,
         relative(audit.two_lights),
+        relative(audit.from_two_lights),
         relative(audit.bound)
     );
 }

@@ -2,6 +2,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
 
+use super::active::rank_one;
+use super::dual::dual_direction;
+use super::facet::Pair;
 use super::projection::Correlations;
 use super::solution::{Limits, Solution, Start};
 use super::{Admissible, Solver};
@@ -16,13 +19,17 @@ pub struct Audit {
     pub best: f64,
     /// The share of them that led to within 0.1 % of the lowest.
     pub agreeing: f64,
-    /// The lowest objective found with two lights of different colour allowed in each facet.
+    /// The lowest objective found with two lights of different colour and balance allowed in each facet: the problem without
+    /// the constraint on X_n's rank, λ Σ Ω(X_n) in place of λ Σ ‖c_n‖, with Ω the least Σ ‖c‖ of admissible lights that add
+    /// up to X_n. That is the tightest convex relaxation of eq. 13, and [`Solution::bound`] the dual of it.
     pub two_lights: f64,
+    /// The objective that a start from the relaxation leads to, each facet's lights replaced by the one nearest to them.
+    pub from_two_lights: f64,
     /// Lower bound on all of these, the largest one found.
     pub bound: f64,
 }
 
-/// Solves a frame again from `starts` random starts, reproducibly, and once with every facet doubled.
+/// Solves a frame again from `starts` random starts, reproducibly, once with every facet doubled, and once from there.
 pub fn audit(solver: &Solver, frame: &Correlations, lambda: f64, limits: Limits, starts: usize) -> Audit {
     let mut random = ChaCha8Rng::seed_from_u64(starts as u64);
     let typical = solver.lambda_max(frame);
@@ -42,10 +49,33 @@ pub fn audit(solver: &Solver, frame: &Correlations, lambda: f64, limits: Limits,
             solution.objective()
         })
         .collect();
-    let best = objectives.iter().copied().fold(cold.objective(), f64::min);
+    let relaxed = solve(&solver.doubled(), &doubled(frame), None);
+    let (first, second) = relaxed.intensities.split_at(solver.facets());
+    let merged = (0..solver.facets()).map(|n| nearest(solver.admissible(n), &first[n], &second[n])).collect();
+    let rounded = solve(solver, frame, Some(merged));
+    bound = bound.max(rounded.bound);
+    let best = objectives.iter().copied().fold(cold.objective().min(rounded.objective()), f64::min);
     let agreeing = objectives.iter().filter(|&&o| o <= best * 1.001).count() as f64 / starts.max(1) as f64;
-    let two_lights = solve(&solver.doubled(), &doubled(frame), None).objective().min(best);
-    Audit { starts, best, agreeing, two_lights, bound }
+    Audit {
+        starts,
+        best,
+        agreeing,
+        two_lights: relaxed.objective().min(best),
+        from_two_lights: rounded.objective(),
+        bound,
+    }
+}
+
+/// The admissible light nearest to the sum X of two: with unit c and v of the largest ⟨c vᵀ, X⟩, that times c vᵀ.
+fn nearest(kind: Admissible, a: &Intensity, b: &Intensity) -> Intensity {
+    let (x, y) = (rank_one(a), rank_one(b));
+    let sum: Pair = [0, 1].map(|s| [0, 1, 2].map(|p| x[s][p] + y[s][p]));
+    let (strength, (sin, cos)) = dual_direction(kind, &sum);
+    if strength <= 0.0 {
+        return Intensity::default();
+    }
+    let colour = kind.colour(&sum, (sin, cos)).map(|g| g / strength);
+    Intensity { left: strength * cos, right: strength * sin, colour }
 }
 
 /// One facet in five with a light of random balance and colour, about as strong as the strongest facet alone would be.
