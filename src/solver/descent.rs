@@ -2,7 +2,7 @@ use nalgebra::DMatrix;
 use pulp::Arch;
 
 use super::active::{Active, Planes, Point, TakeOut, lit, pair, product, rank_one};
-use super::dual::dual_norm_above;
+use super::dual::{SignedDualNorms, dual_norm_above};
 use super::facet::Admissible;
 use super::newton::Newton;
 use super::projection::Correlations;
@@ -30,7 +30,10 @@ const AHEAD: f64 = 0.1;
 const CHECK: f64 = 0.01;
 
 /// Dark facets that enter at once at most.
-const AT_ONCE: usize = 3;
+const AT_ONCE: usize = 8;
+
+/// A dark facet waits if it exceeds λ by less than this share of what the first one that entered with it did.
+const FAINT: f64 = 0.3;
 
 /// Descends on eq. 13: Newton's steps on all facets with light at once converge; where they do not go smoothly, exact
 /// minimisers facet by facet find out which facets have light and what is at its bound. Dark facets enter a few at a time.
@@ -39,6 +42,8 @@ pub struct Solver {
     gram: [DMatrix<f64>; 2],
     admissible: Vec<Admissible>,
     weights: Vec<f64>,
+    /// Whether all facets are of the signed kind.
+    signed: bool,
 }
 
 /// Room for a solve, to be used again: with it, a solve allocates nothing.
@@ -48,7 +53,6 @@ pub struct Workspace {
     correlations: Planes,
     /// Per facet, the dual norm of its correlations, or an upper bound of it where that is at most λ w_n.
     dual: Vec<f64>,
-    wanting: Vec<(f64, usize)>,
     active: Active,
     point: Point,
     newton: Newton,
@@ -58,8 +62,8 @@ pub struct Workspace {
 
 /// What a descent over the facets in play did.
 struct Settled {
-    /// By how much the objective fell.
-    fall: f64,
+    /// The value of eq. 13.
+    objective: f64,
     /// The largest violation of a first-order condition of the facets with light, as a share of λ.
     residual: f64,
 }
@@ -68,7 +72,8 @@ impl Solver {
     /// For the Gram matrices of the left and right side and each facet's admissible set.
     pub fn new(gram: &[DMatrix<f64>; 2], admissible: Vec<Admissible>) -> Self {
         let weights = vec![1.0; admissible.len()];
-        Self { gram: gram.clone(), admissible, weights }
+        let signed = admissible.iter().all(|&kind| kind == Admissible::Signed);
+        Self { gram: gram.clone(), admissible, weights, signed }
     }
 
     /// With the penalty λ Σ w_n ‖c_n‖; the weights are positive, 1 without this.
@@ -91,6 +96,11 @@ impl Solver {
         self.gram[side][(n, m)]
     }
 
+    /// ⟨A_n, A_m⟩ of one side for all m.
+    fn column(&self, side: usize, n: usize) -> &[f64] {
+        &self.gram[side].as_slice()[n * self.facets()..][..self.facets()]
+    }
+
     /// The mean energy of facet `n`'s two columns.
     pub(super) fn energy(&self, n: usize) -> f64 {
         self.gram.iter().map(|gram| gram[(n, n)]).sum::<f64>() / 2.0
@@ -104,6 +114,7 @@ impl Solver {
             gram: [gram(&self.gram[0]), gram(&self.gram[1])],
             admissible: [self.admissible.as_slice(), &self.admissible].concat(),
             weights: [self.weights.as_slice(), &self.weights].concat(),
+            signed: self.signed,
         }
     }
 
@@ -113,7 +124,6 @@ impl Solver {
         Workspace {
             correlations: [0, 1].map(|_| [0, 1, 2].map(|_| vec![0.0; n])),
             dual: vec![0.0; n],
-            wanting: Vec::with_capacity(n),
             active: Active::with_capacity(n),
             point: Point::with_capacity(n),
             newton: Newton::with_capacity(n),
@@ -156,31 +166,28 @@ impl Solver {
         solution.sweeps = 0;
         solution.capped = false;
         work.newton.reset();
-        let mut residual = 0.0;
-        let (mut moved, mut stuck) = (true, false);
+        let mut settled = Settled { objective: frame.energy / 2.0, residual: 0.0 };
         if solution.warm {
-            work.fresh = 0;
-            work.active.facets.clear();
-            work.active.facets.extend((0..n).filter(|&k| lit(&solution.intensities[k])));
-            residual = self.settle(frame, lambda, limits, ROUGH, work, solution).residual;
+            self.enter_none(work, solution);
+            settled = self.settle(frame, lambda, limits, ROUGH, work, solution);
         }
+        // A facet may want light by so little that lighting it changes nothing: then the others are settled first.
+        let (mut closed, mut stuck) = (false, false);
         loop {
             self.correlate(frame, lambda, work, solution);
-            let excess = self.enter(lambda, limits, work, solution);
-            if !moved {
-                // A facet may want light by so little that taking it in changes nothing.
-                work.active.facets.truncate(work.active.len() - work.fresh);
-                work.fresh = 0;
-            }
+            let excess =
+                if closed { self.enter_none(work, solution) } else { self.enter(lambda, limits, work, solution) };
             let complete = work.fresh == 0;
-            if solution.capped || (complete && (stuck || residual <= limits.tolerance)) {
+            if solution.capped || (complete && (stuck || settled.residual <= limits.tolerance)) {
                 break;
             }
-            let target = if complete { CHECK * residual } else { AHEAD * excess };
-            let settled = self.settle(frame, lambda, limits, target.clamp(limits.tolerance, ROUGH), work, solution);
-            residual = settled.residual;
-            moved = settled.fall > STILL * work.active.objective(&work.point);
-            stuck = complete && !moved;
+            let target = if complete { CHECK * settled.residual } else { AHEAD * excess };
+            let target = target.clamp(limits.tolerance, ROUGH);
+            let before = settled.objective;
+            settled = self.settle(frame, lambda, limits, target, work, solution);
+            let idle = before - settled.objective <= STILL * settled.objective;
+            closed = idle && (closed || !complete);
+            stuck = idle && complete && settled.residual > target;
         }
         self.certify(frame, lambda, work, solution);
     }
@@ -192,34 +199,62 @@ impl Solver {
         }
         let lights = solution.intensities.iter().enumerate();
         for (s, correlations) in work.correlations.iter_mut().enumerate() {
-            let columns = lights
-                .clone()
-                .map(|(n, light)| (&self.gram[s].as_slice()[n * self.facets()..][..self.facets()], light));
+            let columns = lights.clone().map(|(n, light)| (self.column(s, n), light));
             Arch::new().dispatch(TakeOut { correlations, side: s, columns });
         }
-        for (n, dual) in work.dual.iter_mut().enumerate() {
-            *dual = dual_norm_above(self.admissible[n], &pair(&work.correlations, n), lambda * self.weights[n]);
+        self.wishes(lambda, work);
+    }
+
+    /// Computes all facets' dual norms.
+    fn wishes(&self, lambda: f64, work: &mut Workspace) {
+        let Workspace { correlations, dual, .. } = work;
+        if self.signed {
+            Arch::new().dispatch(SignedDualNorms { correlations, out: dual });
+            return;
+        }
+        for (n, dual) in dual.iter_mut().enumerate() {
+            *dual = dual_norm_above(self.admissible[n], &pair(correlations, n), lambda * self.weights[n]);
         }
     }
 
-    /// Puts the facets that have light into play, and the dark ones that want it most; returns by how much the one that
-    /// wants it most exceeds λ, as a share of it.
-    fn enter(&self, lambda: f64, limits: Limits, work: &mut Workspace, solution: &Solution) -> f64 {
-        let Workspace { dual, wanting, active, fresh, .. } = work;
-        wanting.clear();
-        wanting.extend(
-            (dual.iter().zip(&self.weights).enumerate())
-                .filter(|&(n, _)| !lit(&solution.intensities[n]))
-                .map(|(n, (dual, weight))| (dual / weight, n))
-                .filter(|&(strength, _)| strength > lambda * (1.0 + limits.tolerance)),
-        );
-        wanting.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        // A few at a time: the strongest ones usually explain what made the others want light.
-        *fresh = wanting.len().min(AT_ONCE);
-        active.facets.clear();
-        active.facets.extend((0..solution.intensities.len()).filter(|&n| lit(&solution.intensities[n])));
-        active.facets.extend(wanting[..*fresh].iter().map(|&(_, n)| n));
-        wanting.first().map_or(0.0, |&(strength, _)| strength / lambda - 1.0)
+    /// Puts the facets that have light into play, and no others; returns 0, for none of those wants to enter.
+    fn enter_none(&self, work: &mut Workspace, solution: &Solution) -> f64 {
+        work.fresh = 0;
+        work.active.facets.clear();
+        work.active.facets.extend((0..self.facets()).filter(|&n| lit(&solution.intensities[n])));
+        0.0
+    }
+
+    /// Puts the facets that have light into play, and lights the dark ones that want it most, each as it would be best
+    /// alone: the strongest ones usually explain what made the others want light. Returns by how much the one that wanted
+    /// it most exceeded λ, as a share of it.
+    fn enter(&self, lambda: f64, limits: Limits, work: &mut Workspace, solution: &mut Solution) -> f64 {
+        let mut most = self.enter_none(work, solution);
+        while work.fresh < AT_ONCE {
+            let wish = |n: usize| work.dual[n] / (lambda * self.weights[n]) - 1.0;
+            let dark = (0..self.facets()).filter(|&n| !lit(&solution.intensities[n]));
+            let Some((n, excess)) = dark.map(|n| (n, wish(n))).reduce(|a, b| if b.1 > a.1 { b } else { a }) else {
+                break;
+            };
+            if excess <= limits.tolerance || excess < FAINT * most {
+                break;
+            }
+            let energy = [0, 1].map(|s| self.gram(s, n, n));
+            let light = self.admissible[n].minimise(&pair(&work.correlations, n), energy, lambda * self.weights[n]);
+            if !lit(&light) {
+                break;
+            }
+            solution.intensities[n] = light;
+            work.active.facets.push(n);
+            work.fresh += 1;
+            most = f64::max(most, excess);
+            for (s, correlations) in work.correlations.iter_mut().enumerate() {
+                let columns = std::iter::once((self.column(s, n), &light));
+                Arch::new().dispatch(TakeOut { correlations, side: s, columns });
+            }
+            self.wishes(lambda, work);
+        }
+        most
     }
 
     /// Descends over the facets in play until none that has light violates a condition by more than `target`, or until
@@ -238,10 +273,7 @@ impl Solver {
         point.light.clear();
         point.light.extend(active.facets.iter().map(|&n| solution.intensities[n]));
         active.correlate(point);
-        let mut settled = Settled { fall: 0.0, residual: 0.0 };
-        for i in active.len() - *fresh..active.len() {
-            settled.fall += active.step(point, i);
-        }
+        let mut residual = f64::INFINITY;
         // Light of the frame before is a guess: which of it is still there?
         let mut sweep = solution.sweeps == 0 && *fresh == 0;
         loop {
@@ -254,7 +286,6 @@ impl Solver {
                 fall += active.sweep(point);
                 solution.sweeps += 1;
                 if fall > SLOW * active.objective(point) {
-                    settled.fall += fall;
                     continue;
                 }
             }
@@ -264,10 +295,9 @@ impl Solver {
             // Newton's last steps change the objective by less than its rounding: no step at all is the end.
             let over = sweep && step.is_none() && fall <= STILL * objective;
             fall += step.map_or(0.0, |step| step.fall);
-            settled.fall += fall;
-            settled.residual = active.residual(point);
-            let missing = *fresh > 0 && settled.residual <= ROUGH && fall <= SLOW * objective;
-            if settled.residual <= target || missing || over {
+            residual = active.residual(point);
+            let missing = *fresh > 0 && residual <= ROUGH && fall <= SLOW * objective;
+            if residual <= target || missing || over {
                 break;
             }
             sweep = step.is_none_or(|step| !step.smooth);
@@ -275,7 +305,7 @@ impl Solver {
         for (&n, &light) in active.facets.iter().zip(&point.light) {
             solution.intensities[n] = light;
         }
-        settled
+        Settled { objective: active.objective(point), residual }
     }
 
     /// Fills in what is known about the solution.

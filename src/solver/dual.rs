@@ -4,6 +4,9 @@
 //! continuous derivative, so its largest value is at the leading eigenvector of one of the M_S or at an end of the range
 //! of φ. Every one of these directions is admissible, so trying them all is exact: no scan is needed.
 
+use pulp::{Simd, WithSimd};
+
+use super::active::Planes;
 use super::facet::{Admissible, Pair};
 
 /// The dual norm, and (sin φ, cos φ) where it is reached.
@@ -44,11 +47,31 @@ pub(super) fn dual_norm_above(kind: Admissible, pair: &Pair, lambda: f64) -> f64
 /// The dual norm where v may have any sign and c_L, c_R >= 0: h² is then cᵀ M c with one M = [ll lr; lr rr] for all c, and
 /// its largest value over the quadrant is M's larger eigenvalue, whose eigenvector is in the quadrant if lr >= 0, or else
 /// is at one of the quadrant's ends.
+#[inline(always)]
 pub(super) fn signed_dual_norm([left, right]: &Pair) -> f64 {
     let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let (ll, lr, rr) = (dot(left, left), dot(left, right), dot(right, right));
-    let h2 = if lr > 0.0 { 0.5 * (ll + rr + ((ll - rr) * (ll - rr) + 4.0 * lr * lr).sqrt()) } else { ll.max(rr) };
-    h2.sqrt()
+    let turned = 0.5 * (ll + rr + ((ll - rr) * (ll - rr) + 4.0 * lr * lr).sqrt());
+    (if lr > 0.0 { turned } else { ll.max(rr) }).sqrt()
+}
+
+/// [`signed_dual_norm`] of many facets, with the widest registers there are.
+pub(super) struct SignedDualNorms<'a> {
+    pub correlations: &'a Planes,
+    pub out: &'a mut [f64],
+}
+
+impl WithSimd for SignedDualNorms<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let n = self.out.len();
+        let [[l0, l1, l2], [r0, r1, r2]] = self.correlations.each_ref().map(|side| side.each_ref().map(|p| &p[..n]));
+        for (k, out) in self.out.iter_mut().enumerate() {
+            *out = signed_dual_norm(&[[l0[k], l1[k], l2[k]], [r0[k], r1[k], r2[k]]]);
+        }
+    }
 }
 
 /// (sin, cos) of the leading eigenvector of M_S, with S the bits of `set`.
