@@ -66,6 +66,62 @@ proptest! {
         }
     }
 
+    /// The derivatives of eq. 13 as it is written, by differences of its values: none leads down.
+    #[test]
+    fn no_finite_difference_of_the_objective_leads_down(
+        seed in any::<u64>(), facets in 1usize..12, share in 0.02..0.9f64, kind in kind(),
+    ) {
+        /// Step of the differences, as a share of the light's strength: their error is of its square, and of rounding over it.
+        const STEP: f64 = 1e-3;
+        let problem = Problem::random(facets, 12, seed, |_| kind);
+        let solver = problem.solver();
+        let lambda = share * solver.lambda_max(&problem.frame);
+        let solution = solver.solve(&problem.frame, lambda, Limits::default(), None);
+        let at = |n: usize, light: Intensity| {
+            let mut all = solution.intensities.clone();
+            all[n] = light;
+            problem.objective(&all, lambda, &vec![1.0; facets])
+        };
+        let here = problem.objective(&solution.intensities, lambda, &vec![1.0; facets]);
+        let mut numbers = Numbers::new(seed ^ 3);
+        let allowed = 1e-4 * (lambda + here);
+        for (n, light) in solution.intensities.iter().enumerate() {
+            // One-sided, from the values at 0, at half the step and at the whole.
+            let onwards = |step: f64, there: &dyn Fn(f64) -> Intensity| {
+                (4.0 * at(n, there(step / 2.0)) - at(n, there(step)) - 3.0 * here) / step
+            };
+            if *light == Intensity::default() {
+                let Intensity { left, right, colour } = Problem::admissible(kind, &mut numbers);
+                let slope = onwards(STEP, &|by| Intensity { left: by * left, right: by * right, colour });
+                prop_assert!(slope >= -allowed, "dark facet {n}: slope {slope}");
+                continue;
+            }
+            let strength = light.strength();
+            let turned = |axis: usize, by: f64| {
+                let mut v = light.colour;
+                v[axis] += by;
+                let norm = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+                Intensity { colour: v.map(|x| x / norm), ..*light }
+            };
+            let moves: [&dyn Fn(f64) -> Intensity; 5] = [
+                &|by| Intensity { left: light.left + strength * by, ..*light },
+                &|by| Intensity { right: light.right + strength * by, ..*light },
+                &|by| turned(0, by),
+                &|by| turned(1, by),
+                &|by| turned(2, by),
+            ];
+            for (k, there) in moves.into_iter().enumerate() {
+                if is_admissible(&there(-STEP), kind) {
+                    let slope = (at(n, there(STEP)) - at(n, there(-STEP))) / (2.0 * STEP);
+                    prop_assert!(slope.abs() <= allowed * strength, "facet {n}, move {k}: slope {slope}, {light:?}");
+                } else {
+                    let slope = onwards(STEP, there);
+                    prop_assert!(slope >= -allowed * strength, "facet {n}, move {k} from its bound: {slope}, {light:?}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn the_bound_holds_against_many_starts(
         seed in any::<u64>(), facets in 2usize..7, share in 0.02..0.6f64, kind in kind(),
@@ -165,6 +221,19 @@ fn no_lattice_point_of_one_facet_is_better() {
             }
         }
     }
+}
+
+/// The objective says nothing any more long before the first-order conditions hold: a solve must not end there. Found by
+/// chance among many.
+#[test]
+fn a_solve_does_not_end_where_only_the_objective_stands_still() {
+    let seed = 5_421_599_017_885_892_748;
+    let problem = Problem::random(4, 12, seed, |_| Admissible::Brighter);
+    let mut numbers = Numbers::new(seed ^ 1);
+    let solver = problem.solver().with_weights((0..4).map(|_| 0.5 + numbers.unit()).collect());
+    let lambda = 0.390_574_473_512_107_4 * solver.lambda_max(&problem.frame);
+    let solution = solver.solve(&problem.frame, lambda, Limits::default(), None);
+    assert!(solution.residual <= 1e-7, "{}", solution.residual);
 }
 
 #[test]
