@@ -2,12 +2,10 @@ use nalgebra::{DMatrix, DVector};
 
 use super::low_rank::LowRank;
 use super::nuisance::Nuisance;
+use super::planes::{dot3, weigh_plane};
 use crate::geometry::Side;
 use crate::measurement::PatchPair;
 use crate::transport::Transport;
-
-/// Pixels whose products are summed in f32 before they join the f64 sum.
-const BLOCK: usize = 512;
 
 /// How the columns of A enter the problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -292,19 +290,6 @@ fn multiply_rows(matrix: &DMatrix<f64>, rows: &[f64]) -> DMatrix<f64> {
     product
 }
 
-/// Writes W y into `out` and returns ‖W y‖²; the index of a pixel that counts and is not finite otherwise.
-fn weigh_plane(plane: &[f32], weights: &[f32], out: &mut [f32]) -> Result<f64, usize> {
-    let mut energy = 0.0;
-    for (k, ((&value, &weight), out)) in plane.iter().zip(weights).zip(out).enumerate() {
-        *out = if weight > 0.0 { weight * value } else { 0.0 };
-        if !out.is_finite() {
-            return Err(k);
-        }
-        energy += f64::from(*out).powi(2);
-    }
-    Ok(energy)
-}
-
 /// An orthonormal basis of the weighted nuisances; those that the ones before them explain are left out.
 fn orthonormal(nuisances: &[Vec<f64>], weights: &[f64]) -> Vec<DVector<f64>> {
     let mut basis: Vec<DVector<f64>> = Vec::new();
@@ -324,165 +309,6 @@ fn orthonormal(nuisances: &[Vec<f64>], weights: &[f64]) -> Vec<DVector<f64>> {
     basis
 }
 
-/// The products of one vector with three planes, which share its passage through the processor's caches.
-fn dot3(a: &[f32], planes: &[Vec<f32>; 3]) -> [f64; 3] {
-    const LANES: usize = 8;
-    let [b0, b1, b2] = planes;
-    let mut sums = [0.0_f64; 3];
-    for (((a, b0), b1), b2) in a.chunks(BLOCK).zip(b0.chunks(BLOCK)).zip(b1.chunks(BLOCK)).zip(b2.chunks(BLOCK)) {
-        // Running sums side by side, so that the compiler may use vector registers.
-        let mut lanes = [[0.0_f32; LANES]; 3];
-        let whole = a.len() / LANES * LANES;
-        for k in (0..whole).step_by(LANES) {
-            for (lanes, b) in lanes.iter_mut().zip([b0, b1, b2]) {
-                for ((lane, a), b) in lanes.iter_mut().zip(&a[k..k + LANES]).zip(&b[k..k + LANES]) {
-                    *lane += a * b;
-                }
-            }
-        }
-        for ((sum, lanes), b) in sums.iter_mut().zip(lanes).zip([b0, b1, b2]) {
-            let rest: f32 = a[whole..].iter().zip(&b[whole..]).map(|(a, b)| a * b).sum();
-            *sum += f64::from(lanes.iter().sum::<f32>() + rest);
-        }
-    }
-    sums
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::{Doorway, FacetGrid, GridSpec};
-    use crate::transport::{Kernel, PatchGrid, PixelLayout, TransportSpec};
-
-    const SIZE: usize = 32;
-
-    fn transport() -> Transport {
-        let doorway = Doorway { width_m: 0.6, wall_thickness_m: 0.05, height_m: None };
-        let grid = FacetGrid::new(&doorway, &GridSpec { intervals: 30, ..GridSpec::published() }).unwrap();
-        let patch = PatchGrid { size: SIZE, fov_m: 0.3, layout: PixelLayout::Cells };
-        Transport::new(
-            &doorway,
-            &grid.facets,
-            &TransportSpec { kernel: Kernel::Radiometric, facet_height_m: 2.0, patch },
-        )
-    }
-
-    /// Reproducible numbers in −1 .. 1.
-    fn noise(seed: u64) -> impl Iterator<Item = f64> {
-        (1u64..).map(move |k| {
-            let mut x = k.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed.wrapping_mul(0xd1b5_4a32_d192_ed03);
-            x ^= x >> 29;
-            x = x.wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-        })
-    }
-
-    fn measurement() -> PatchPair {
-        let mut pair = PatchPair::zeros(SIZE);
-        for (seed, patch) in [&mut pair.left, &mut pair.right].into_iter().enumerate() {
-            for (k, (value, noise)) in patch.data_mut().iter_mut().zip(noise(seed as u64)).enumerate() {
-                *value = (0.01 * noise + 0.02 * (k as f64 / 500.0).sin() + 0.05) as f32;
-            }
-        }
-        pair
-    }
-
-    /// The formulas of the documentation, literally: residuals of a least-squares fit of the nuisances, column by column.
-    #[test]
-    fn the_fast_product_is_the_literal_one() {
-        let transport = transport();
-        let pixels = SIZE * SIZE;
-        let weights: [Vec<f64>; 2] = [7u64, 8].map(|seed| {
-            noise(seed).take(pixels).enumerate().map(|(k, v)| if k % 17 == 0 { 0.0 } else { 1.0 + 0.3 * v }).collect()
-        });
-        let patterns = [9u64, 10].map(|seed| {
-            let slope = (0..pixels).map(|k| 0.4 + 0.1 * (k % SIZE) as f64 / SIZE as f64);
-            vec![vec![1.0; pixels], slope.zip(noise(seed)).map(|(s, v)| s + 0.01 * v).collect()]
-        });
-        let nuisance = Nuisance::new(patterns.clone());
-        let albedo: [Vec<f64>; 2] = [11u64, 12].map(|seed| noise(seed).take(pixels).map(|v| 1.0 + 0.05 * v).collect());
-        let known = Pixels { weights: weights.clone(), albedo: albedo.clone() };
-        let y = measurement();
-        for columns in [Columns::Radiance, Columns::UnitNorm] {
-            let projection = Projection::new(&transport, &known, &nuisance, columns);
-            let mut fast = projection.correlations();
-            projection.project(&y, &mut fast).unwrap();
-            let mut energy = 0.0;
-            for (s, side) in Side::BOTH.into_iter().enumerate() {
-                let w = DVector::from_vec(weights[s].clone());
-                let q = DMatrix::from_fn(pixels, 2, |k, j| patterns[s][j][k] * w[k]);
-                let normal = (q.transpose() * &q).try_inverse().unwrap();
-                let residual = |v: DVector<f64>| &v - &q * (&normal * (q.transpose() * &v));
-                let a = multiply_rows(transport.side(side), &albedo[s]);
-                let clean: Vec<DVector<f64>> =
-                    (0..a.ncols()).map(|n| residual(a.column(n).component_mul(&w))).collect();
-                for p in 0..3 {
-                    let plane = DVector::from_iterator(pixels, y.side(side).plane(p).iter().map(|&v| f64::from(v)));
-                    let clean_y = residual(plane.component_mul(&w));
-                    energy += clean_y.norm_squared();
-                    let size = clean_y.norm();
-                    for (n, column) in clean.iter().enumerate() {
-                        let scale = if columns == Columns::UnitNorm { column.norm().recip() } else { 1.0 };
-                        let literal = column.dot(&clean_y) * scale;
-                        let error = (fast.rhs[s][p][n] - literal).abs() / (size * column.norm() * scale);
-                        assert!(error < 2e-5, "{columns:?} {side:?} {p} {n}: {} {literal}", fast.rhs[s][p][n]);
-                    }
-                }
-                for (i, a) in clean.iter().enumerate() {
-                    for (j, b) in clean.iter().enumerate().step_by(7) {
-                        let scale = if columns == Columns::UnitNorm { (a.norm() * b.norm()).recip() } else { 1.0 };
-                        let error =
-                            (projection.gram()[s][(i, j)] - a.dot(b) * scale).abs() / (a.norm() * b.norm() * scale);
-                        assert!(error < 1e-6, "{columns:?} Gram {i} {j}");
-                    }
-                }
-            }
-            assert!((fast.energy - energy).abs() < 1e-5 * energy, "{} {energy}", fast.energy);
-        }
-    }
-
-    #[test]
-    fn with_the_constant_alone_the_illumination_is_b_of_equation_12() {
-        let transport = transport();
-        let known = Pixels::uniform(&[vec![true; SIZE * SIZE], vec![true; SIZE * SIZE]]);
-        let projection = Projection::new(&transport, &known, &Nuisance::constant(SIZE * SIZE), Columns::Radiance);
-        let b = [[0.01, -0.02, 0.03], [-0.04, 0.05, 0.06]];
-        let x = |s: usize, n: usize| if n == 40 { [0.3, 0.1, 0.2 + s as f64] } else { [0.0; 3] };
-        let mut y = PatchPair::zeros(SIZE);
-        for (s, side) in Side::BOTH.into_iter().enumerate() {
-            for (p, b) in b[s].into_iter().enumerate() {
-                let light = transport.side(side).column(40) * x(s, 40)[p];
-                let plane = y.side_mut(side).plane_mut(p);
-                plane.iter_mut().zip(light.iter()).for_each(|(y, light)| *y = (light + b) as f32);
-            }
-        }
-        let mut correlations = projection.correlations();
-        projection.project(&y, &mut correlations).unwrap();
-        let found = projection.illumination(&correlations, x);
-        for s in 0..2 {
-            for p in 0..3 {
-                assert!((found[s][p] - b[s][p]).abs() < 1e-6, "{found:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn values_that_are_no_numbers_are_refused_with_their_place_unless_they_do_not_count() {
-        let mut counted = [vec![true; SIZE * SIZE], vec![true; SIZE * SIZE]];
-        counted[1][5] = false;
-        let projection = Projection::new(
-            &transport(),
-            &Pixels::uniform(&counted),
-            &Nuisance::constant(SIZE * SIZE),
-            Columns::UnitNorm,
-        );
-        let mut out = projection.correlations();
-        let mut y = measurement();
-        y.right.plane_mut(2)[5] = f32::NAN;
-        projection.project(&y, &mut out).unwrap();
-        assert!(out.rhs.iter().flatten().flatten().all(|v| v.is_finite()));
-        y.right.plane_mut(1)[2 * SIZE + 3] = f32::INFINITY;
-        let error = projection.project(&y, &mut out).unwrap_err().to_string();
-        assert_eq!(error, "right patch, row 2, column 3: the green value is not a finite number");
-    }
-}
+#[path = "projection_tests.rs"]
+mod tests;
