@@ -115,8 +115,9 @@ fn signed_projection(model: &Model, empty: &PatchPair, frames: &[&PatchPair], no
     });
     let used = [0, 1].map(|s| weights[s].iter().map(|&w| w > 0.0).collect::<Vec<bool>>());
     let floors = [0, 1].map(|s| Floor::from_picture(sides[s], &used[s]));
-    // Even light of the visible side shows the floor's albedo; an exposure step adds a multiple of the background's own
-    // picture, in each colour.
+    // Even light of the visible side shows the floor's albedo. An exposure step adds a multiple of the background's own
+    // picture, in each colour; a lamp changes its balance. Any colour may hold any of these, so they are smoothed; what is
+    // exactly a colour's own picture, with its noise, is taken out beforehand.
     let gains = [0, 1].map(|s| {
         let floor = &floors[s];
         vec![floor.albedo.clone(), floor.picture(0), floor.picture(1), floor.picture(2)]
@@ -125,6 +126,7 @@ fn signed_projection(model: &Model, empty: &PatchPair, frames: &[&PatchPair], no
     let [left_drift, right_drift] = drift_patterns(frames, &gains, &used, DRIFT_PATTERNS);
     let [left, right] = gains;
     let nuisance = Nuisance::new([[left, left_drift].concat(), [right, right_drift].concat()]);
+    let nuisance = nuisance.with_own_pictures(empty.clone());
     Projection::new(&model.transport, &Pixels { weights, albedo }, &nuisance, Columns::UnitNorm)
 }
 

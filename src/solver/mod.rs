@@ -18,6 +18,7 @@ mod kind;
 mod low_rank;
 mod newton;
 mod nuisance;
+mod own_picture;
 mod planes;
 mod projection;
 mod refit;

@@ -39,3 +39,21 @@ pub(super) fn dot3(a: &[f32], planes: &[Vec<f32>; 3]) -> [f64; 3] {
     }
     sums
 }
+
+/// The product of two vectors, summed in f64.
+pub(super) fn dot(a: &[f32], b: &[f32]) -> f64 {
+    const LANES: usize = 4;
+    let product = |(a, b): (&f32, &f32)| f64::from(*a) * f64::from(*b);
+    let mut lanes = [0.0; LANES];
+    let whole = a.len() / LANES * LANES;
+    for (a, b) in a.chunks_exact(LANES).zip(b.chunks_exact(LANES)) {
+        lanes.iter_mut().zip(a.iter().zip(b)).for_each(|(lane, pair)| *lane += product(pair));
+    }
+    lanes.iter().sum::<f64>() + a[whole..].iter().zip(&b[whole..]).map(product).sum::<f64>()
+}
+
+/// Subtracts `factor` times `vector` from `plane` and returns the ‖·‖² that is left.
+pub(super) fn subtract(factor: f32, vector: &[f32], plane: &mut [f32]) -> f64 {
+    plane.iter_mut().zip(vector).for_each(|(value, vector)| *value -= factor * vector);
+    dot(plane, plane)
+}

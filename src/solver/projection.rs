@@ -2,6 +2,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::low_rank::LowRank;
 use super::nuisance::Nuisance;
+use super::own_picture::OwnPictures;
 use super::planes::{dot3, weigh_plane};
 use crate::geometry::Side;
 use crate::measurement::PatchPair;
@@ -43,6 +44,10 @@ impl Pixels {
 /// (I − QQᵀ) W A for A and (I − QQᵀ) W y for y, W the pixels' weights; the rows of A are
 /// multiplied by the floor's albedo. A is nearly of low rank, so it is kept as U C with orthonormal U (M x r): a frame
 /// costs the r + q products [Q U]ᵀ W y instead of N.
+///
+/// If the nuisances have the colours' own pictures x0, y^p − δ x0^p stands for y^p throughout, δ the weighted least-squares
+/// share of the picture. A is not freed of them: in each colour they are, but for their noise, what Q spans, and A would
+/// become another one for each colour.
 #[derive(Debug, Clone)]
 pub struct Projection {
     sides: [ProjectedSide; 2],
@@ -57,6 +62,10 @@ struct ProjectedSide {
     basis: Vec<f32>,
     /// Vectors of Q.
     nuisances: usize,
+    /// The colours' own pictures, which leave before Q does.
+    own: Option<OwnPictures>,
+    /// Per vector of Q and channel, its product with the own picture (of unit norm).
+    overlap: Vec<[f64; 3]>,
     /// C, r x N: (I − QQᵀ) W A = U C, columns scaled.
     core: DMatrix<f64>,
     /// QᵀWA with scaled columns: what of each facet's light looks like a nuisance.
@@ -74,8 +83,10 @@ pub struct Correlations {
     pub rhs: [[Vec<f64>; 3]; 2],
     /// Σ_p ‖y^p‖² over both patches once the nuisances are out: twice the objective of the empty map.
     pub energy: f64,
-    /// Per side and channel, Qᵀ W y^p.
+    /// Per side and channel, Qᵀ W y^p once the own picture is out.
     nuisance: [[Vec<f64>; 3]; 2],
+    /// Per side and channel, the share of the own picture (of unit norm); 0 if the nuisances have none.
+    own: [[f64; 3]; 2],
     /// W y of one patch.
     weighted: [Vec<f32>; 3],
     /// UᵀWy of one patch.
@@ -86,7 +97,8 @@ impl Correlations {
     /// Of a problem that has no pixels behind it, such as a test's.
     pub fn new(rhs: [[Vec<f64>; 3]; 2], energy: f64) -> Self {
         let coordinates = std::array::from_fn(|_| DVector::zeros(0));
-        Self { rhs, energy, nuisance: Default::default(), weighted: Default::default(), coordinates }
+        let (nuisance, own, weighted) = Default::default();
+        Self { rhs, energy, nuisance, own, weighted, coordinates }
     }
 }
 
@@ -122,7 +134,8 @@ impl Projection {
             let (weights, albedo) = (&pixels.weights[s], &pixels.albedo[s]);
             let rows: Vec<f64> = weights.iter().zip(albedo).map(|(w, a)| w * a).collect();
             let weighted = multiply_rows(transport.side(Side::BOTH[s]), &rows);
-            ProjectedSide::new(weighted, weights, nuisance.side(s), columns)
+            let own = nuisance.own(Side::BOTH[s]).map(|picture| OwnPictures::new(picture, weights));
+            ProjectedSide::new(weighted, weights, nuisance.side(s), own, columns)
         };
         let sides: [ProjectedSide; 2] = rayon::join(|| project(0), || project(1)).into();
         let gram = [&sides[0], &sides[1]].map(|side| side.core.transpose() * &side.core);
@@ -156,6 +169,7 @@ impl Projection {
             rhs: [zeros(self.facets), zeros(self.facets)],
             energy: 0.0,
             nuisance: [0, 1].map(|s| zeros(self.sides[s].nuisances)),
+            own: [[0.0; 3]; 2],
             weighted: std::array::from_fn(|_| vec![0.0; self.sides[0].weights.len()]),
             coordinates: std::array::from_fn(|_| {
                 DVector::zeros(self.sides.iter().map(|side| side.core.nrows()).max().unwrap_or(0))
@@ -193,7 +207,15 @@ impl Projection {
                     column: k % patch.size(),
                     channel: ["red", "green", "blue"][channel],
                 };
-                energy += weigh_plane(patch.plane(channel), &projected.weights, weighted).map_err(bad)?;
+                let whole = weigh_plane(patch.plane(channel), &projected.weights, weighted).map_err(bad)?;
+                energy += match &projected.own {
+                    None => whole,
+                    Some(own) => {
+                        let (share, rest) = own.remove(channel, weighted);
+                        out.own[s][channel] = share;
+                        rest
+                    }
+                };
             }
             for (k, vector) in projected.basis.chunks_exact(pixels).enumerate() {
                 let products = dot3(vector, &out.weighted);
@@ -229,7 +251,8 @@ impl Projection {
             let side = &self.sides[s];
             let mut explained = [0.0; 3];
             for (q, mean) in side.means.iter().enumerate() {
-                let mut strength = [0, 1, 2].map(|p| correlations.nuisance[s][p][q]);
+                let whole = |p: usize| correlations.nuisance[s][p][q] + side.overlap[q][p] * correlations.own[s][p];
+                let mut strength = [0, 1, 2].map(whole);
                 for n in 0..self.facets {
                     let x = intensities(s, n);
                     strength.iter_mut().zip(x).for_each(|(strength, x)| *strength -= side.absorbed[(q, n)] * x);
@@ -242,7 +265,13 @@ impl Projection {
 }
 
 impl ProjectedSide {
-    fn new(mut matrix: DMatrix<f64>, weights: &[f64], nuisances: &[Vec<f64>], columns: Columns) -> Self {
+    fn new(
+        mut matrix: DMatrix<f64>,
+        weights: &[f64],
+        nuisances: &[Vec<f64>],
+        own: Option<OwnPictures>,
+        columns: Columns,
+    ) -> Self {
         let q = orthonormal(nuisances, weights);
         let mut absorbed = DMatrix::zeros(q.len(), matrix.ncols());
         let mut scale = vec![1.0; matrix.ncols()];
@@ -263,6 +292,11 @@ impl ProjectedSide {
             column.scale_mut(scale[n]);
             absorbed.column_mut(n).scale_mut(scale[n]);
         }
+        let overlap = |vector: &DVector<f64>| {
+            let vector: Vec<f32> = vector.iter().map(|&v| v as f32).collect();
+            [0, 1, 2].map(|p| own.as_ref().map_or(0.0, |own| own.share(p, &vector)))
+        };
+        let overlap = q.iter().map(overlap).collect();
         let LowRank { basis, core } = LowRank::new(&matrix);
         let all = q.iter().flat_map(|v| v.iter()).chain(basis.iter());
         let counted = weights.iter().filter(|&&w| w > 0.0).count().max(1) as f64;
@@ -273,6 +307,8 @@ impl ProjectedSide {
             weights: weights.iter().map(|&w| w as f32).collect(),
             basis: all.map(|&v| v as f32).collect(),
             nuisances: q.len(),
+            own,
+            overlap,
             means: q.iter().map(unweighted).collect(),
             core,
             absorbed,

@@ -31,7 +31,19 @@ fn measurement() -> PatchPair {
     pair
 }
 
-/// The formulas of the documentation, literally: residuals of a least-squares fit of the nuisances, column by column.
+/// Pictures of an empty room, of a kind in each colour, with noise.
+fn own_pictures() -> PatchPair {
+    let mut pair = PatchPair::zeros(SIZE);
+    for (seed, patch) in [&mut pair.left, &mut pair.right].into_iter().enumerate() {
+        for (k, (value, noise)) in patch.data_mut().iter_mut().zip(noise(20 + seed as u64)).enumerate() {
+            *value = (0.5 + 0.2 * (k as f64 / 700.0).cos() + 0.05 * noise) as f32;
+        }
+    }
+    pair
+}
+
+/// The formulas of the documentation, literally: y without its share of the own picture, then residuals of a least-squares
+/// fit of the nuisances, column by column.
 #[test]
 fn the_fast_product_is_the_literal_one() {
     let transport = transport();
@@ -43,11 +55,13 @@ fn the_fast_product_is_the_literal_one() {
         let slope = (0..pixels).map(|k| 0.4 + 0.1 * (k % SIZE) as f64 / SIZE as f64);
         vec![vec![1.0; pixels], slope.zip(noise(seed)).map(|(s, v)| s + 0.01 * v).collect()]
     });
-    let nuisance = Nuisance::new(patterns.clone());
+    let plain = Nuisance::new(patterns.clone());
+    let pictures = own_pictures();
     let albedo: [Vec<f64>; 2] = [11u64, 12].map(|seed| noise(seed).take(pixels).map(|v| 1.0 + 0.05 * v).collect());
     let known = Pixels { weights: weights.clone(), albedo: albedo.clone() };
     let y = measurement();
-    for columns in [Columns::Radiance, Columns::UnitNorm] {
+    for (columns, own) in [(Columns::Radiance, false), (Columns::UnitNorm, false), (Columns::UnitNorm, true)] {
+        let nuisance = if own { plain.clone().with_own_pictures(pictures.clone()) } else { plain.clone() };
         let projection = Projection::new(&transport, &known, &nuisance, columns);
         let mut fast = projection.correlations();
         projection.project(&y, &mut fast).unwrap();
@@ -60,8 +74,16 @@ fn the_fast_product_is_the_literal_one() {
             let a = multiply_rows(transport.side(side), &albedo[s]);
             let clean: Vec<DVector<f64>> = (0..a.ncols()).map(|n| residual(a.column(n).component_mul(&w))).collect();
             for p in 0..3 {
-                let plane = DVector::from_iterator(pixels, y.side(side).plane(p).iter().map(|&v| f64::from(v)));
-                let clean_y = residual(plane.component_mul(&w));
+                let weighted = |pair: &PatchPair| {
+                    let plane = pair.side(side).plane(p).iter().map(|&v| f64::from(v));
+                    DVector::from_iterator(pixels, plane).component_mul(&w)
+                };
+                let mut y = weighted(&y);
+                if own {
+                    let x0 = weighted(&pictures);
+                    y -= y.dot(&x0) / x0.norm_squared() * &x0;
+                }
+                let clean_y = residual(y);
                 energy += clean_y.norm_squared();
                 let size = clean_y.norm();
                 for (n, column) in clean.iter().enumerate() {
@@ -122,4 +144,49 @@ fn values_that_are_no_numbers_are_refused_with_their_place_unless_they_do_not_co
     y.right.plane_mut(1)[2 * SIZE + 3] = f32::INFINITY;
     let error = projection.project(&y, &mut out).unwrap_err().to_string();
     assert_eq!(error, "right patch, row 2, column 3: the green value is not a finite number");
+}
+
+#[test]
+fn a_multiple_of_the_own_picture_is_not_there_at_all() {
+    let pixels = SIZE * SIZE;
+    let known = Pixels::uniform(&[vec![true; pixels], vec![true; pixels]]);
+    let pictures = own_pictures();
+    let nuisance = Nuisance::constant(pixels).with_own_pictures(pictures.clone());
+    let projection = Projection::new(&transport(), &known, &nuisance, Columns::UnitNorm);
+    let with_gains = |gains: [f32; 3]| {
+        let mut y = measurement();
+        for side in Side::BOTH {
+            for (p, gain) in gains.into_iter().enumerate() {
+                let plane = y.side_mut(side).plane_mut(p).iter_mut();
+                plane.zip(pictures.side(side).plane(p)).for_each(|(y, x0)| *y += (gain - 1.0) * x0);
+            }
+        }
+        let mut correlations = projection.correlations();
+        projection.project(&y, &mut correlations).unwrap();
+        correlations
+    };
+    let plain = with_gains([1.0; 3]);
+    let largest = plain.rhs.iter().flatten().flatten().fold(0.0_f64, |most, v| most.max(v.abs()));
+    for gains in [[1.2; 3], [0.8, 1.0, 1.1]] {
+        let found = with_gains(gains);
+        for (a, b) in found.rhs.iter().flatten().flatten().zip(plain.rhs.iter().flatten().flatten()) {
+            assert!((a - b).abs() < 1e-5 * largest, "{gains:?}: {a} {b}");
+        }
+        assert!((found.energy - plain.energy).abs() < 1e-5 * plain.energy);
+    }
+}
+
+#[test]
+fn a_black_floor_has_no_picture_to_take_out() {
+    let pixels = SIZE * SIZE;
+    let known = Pixels::uniform(&[vec![true; pixels], vec![true; pixels]]);
+    let constant = Nuisance::constant(pixels);
+    let black = constant.clone().with_own_pictures(PatchPair::zeros(SIZE));
+    let [plain, black] = [constant, black].map(|nuisance| {
+        let projection = Projection::new(&transport(), &known, &nuisance, Columns::UnitNorm);
+        let mut correlations = projection.correlations();
+        projection.project(&measurement(), &mut correlations).unwrap();
+        correlations
+    });
+    assert_eq!(black.rhs, plain.rhs);
 }
