@@ -61,6 +61,8 @@ const RED: [f64; 3] = [0.3, 0.1, 0.08];
 /// Darker than every wall.
 const BLACK: [f64; 3] = [0.005, 0.005, 0.01];
 const SOMEWHERE: Point = [0.23, 1.37];
+/// Light of the visible side that is taken from the demo's 0.8 where frames become brighter, so that they do not saturate.
+const DIMMED: f32 = 0.3;
 
 /// Each value of a pair with the one of another.
 fn combine(a: &PatchPair, b: &PatchPair, f: impl Fn(f32, f32) -> f32) -> PatchPair {
@@ -140,11 +142,43 @@ fn a_gain_of_the_camera_does_not_change_the_map() {
     }
 }
 
+#[test]
+fn the_gain_is_reported_with_and_without_somebody_in_the_room() {
+    /// Four standard deviations of a picture's share in a frame with this noise.
+    const NOISE: f64 = 5e-4;
+    /// What the facets, as bright as measured, leave of a person's light, who changes the floor's by up to 9 percent: the
+    /// light of neighbours is not refitted one by one, so that up to a fifteenth of it counts as gain.
+    const LEFT: f64 = 6e-3;
+
+    let room = Room::new();
+    let model = room.model(&Config::default());
+    let dimmed = combine(room.renderer.empty(), room.renderer.empty(), |light, _| light - DIMMED);
+    let mut reconstructor = reconstructor(&model, &room.empty_frames(&dimmed, 40, 20));
+    for (who, change, allowed) in [
+        ("nobody", PatchPair::zeros(64), NOISE),
+        ("red", room.person(SOMEWHERE, RED), LEFT),
+        ("black", room.person(SOMEWHERE, BLACK), LEFT),
+        ("close and bright", room.person([-0.2, 0.9], [0.5, 0.2, 0.1]), LEFT),
+    ] {
+        for (frame, gain) in (100..).zip([0.8_f32, 0.9, 1.0, 1.1, 1.2]) {
+            let light = combine(&dimmed, &change, |light, change| gain * (light + change));
+            let found = map(&mut reconstructor, &room.expose(&light, 40, frame));
+            assert_eq!(lit(&found.solution.intensities).is_empty(), who == "nobody");
+            let gains = found.gain.expect("the signed model knows gains");
+            for found in gains.as_flattened() {
+                assert!((found - f64::from(gain)).abs() < allowed, "{who}, gain {gain}: {gains:?}");
+            }
+        }
+    }
+    let mut config = Config::default();
+    config.solver.model = ModelKind::Published;
+    let mut published = self::reconstructor(&room.model(&config), std::slice::from_ref(&dimmed));
+    assert_eq!(map(&mut published, &dimmed).gain, None);
+}
+
 /// As a camera takes them: the noise is the frame's own, and of its own brightness.
 #[test]
 fn exposure_steps_of_an_empty_room_show_nothing_whether_or_not_a_lamp_drifts() {
-    /// Light of the visible side that is taken from the demo's 0.8, so that the brightest frames do not saturate.
-    const DIMMED: f32 = 0.3;
     /// A lamp that is brighter far from the wall, at full strength there.
     const LAMP: f32 = 0.02;
 
@@ -325,8 +359,6 @@ fn an_empty_room_stays_empty_and_a_faint_person_is_found() {
 fn a_lamp_of_the_visible_side_on_a_speckled_floor_shows_nothing() {
     /// Standard deviation of the floor's reflectance, pixel by pixel.
     const TEXTURE: f64 = 0.02;
-    /// Light of the visible side that is taken from the demo's 0.8, so that the changed lamp does not saturate.
-    const DIMMED: f64 = 0.3;
     /// A fifth of what is left.
     const LAMP: f64 = 0.1;
 
@@ -343,7 +375,7 @@ fn a_lamp_of_the_visible_side_on_a_speckled_floor_shows_nothing() {
             for (side, albedo) in Side::BOTH.into_iter().zip(&albedo) {
                 for channel in 0..3 {
                     let plane = pair.side_mut(side).plane_mut(channel).iter_mut();
-                    plane.zip(albedo).for_each(|(v, a)| *v = ((f64::from(*v) - DIMMED + lamp) * a) as f32);
+                    plane.zip(albedo).for_each(|(v, a)| *v = ((f64::from(*v - DIMMED) + lamp) * a) as f32);
                 }
             }
             pair

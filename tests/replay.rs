@@ -46,6 +46,7 @@ fn updates_come_live_and_are_the_same_everywhere() {
         for key in ["version", "time", "state", "solution", "model", "illumination", "facets", "tracks", "timing_ms"] {
             assert!(!update[key].is_null(), "{key}: {update}");
         }
+        assert_eq!(update["gain"].is_null(), update["state"] == "learning", "{update}");
         let changed = update["frame"].as_u64().unwrap() >= 6;
         let facets = update["facets"].as_array().unwrap();
         assert_eq!(changed, !facets.is_empty(), "{update}");

@@ -36,6 +36,9 @@ pub struct Reconstruction {
     pub refit: Vec<f64>,
     /// Mean change of the visible side's light: left, right. With the published model, b of eq. 12.
     pub illumination: [Rgb; 2],
+    /// The factor by which the floor's own picture of the empty room is multiplied, apart from what the facets explain:
+    /// left, right. None with the published model, which knows no gain.
+    pub gain: Option<[Rgb; 2]>,
     /// Time for the difference.
     pub background_time: Duration,
     /// Time for Aᵀy.
@@ -110,12 +113,24 @@ impl Reconstructor {
         problem.solver.solve_into(correlations, lambda, self.model.limits, from, workspace, solution);
         let solve_time = start.elapsed();
         let scene = Scene::new(&solution.intensities, problem.projection.radiance(), self.model.unified_threshold);
-        let illumination = problem.projection.illumination(correlations, |s, n| {
+        let intensities = |s: usize, n: usize| {
             let i = &solution.intensities[n];
             i.colour.map(|v| [i.left, i.right][s] * v)
-        });
+        };
+        let illumination = problem.projection.illumination(correlations, intensities);
         problem.solver.refit(correlations, solution, refit);
+        // As bright as measured: the penalty's shrinkage would leave a part of every facet's light to the gain.
+        let gain = problem.projection.gain(correlations, |s, n| intensities(s, n).map(|x| refit[n] * x));
         let (solution, refit) = (solution.clone(), refit.clone());
-        Ok(Some(Reconstruction { solution, scene, refit, illumination, background_time, project_time, solve_time }))
+        Ok(Some(Reconstruction {
+            solution,
+            scene,
+            refit,
+            illumination,
+            gain,
+            background_time,
+            project_time,
+            solve_time,
+        }))
     }
 }

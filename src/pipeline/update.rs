@@ -38,6 +38,10 @@ pub struct Update {
     pub model: &'static str,
     /// Change of the visible side's light, b of eq. 12.
     pub illumination: Illumination,
+    /// By what factor each patch's own picture of the empty room is multiplied in this frame, apart from what the facets
+    /// explain: exposure, flicker, and whatever else lets all of the floor's light rise or fall alike. None while the empty
+    /// room is learned, and with the published model, which knows no gain.
+    pub gain: Option<Gain>,
     /// The facets that changed.
     pub facets: Vec<FacetReport>,
     /// People: none until there is a tracker.
@@ -72,6 +76,15 @@ pub struct SolutionReport {
 /// b of eq. 12 at each patch.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Default)]
 pub struct Illumination {
+    /// At the left patch.
+    pub left: Rgb,
+    /// At the right patch.
+    pub right: Rgb,
+}
+
+/// Factors on the background's own picture at each patch.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Gain {
     /// At the left patch.
     pub left: Rgb,
     /// At the right patch.
@@ -132,6 +145,7 @@ impl Update {
             solution: SolutionReport::default(),
             model: model.kind.name(),
             illumination: Illumination::default(),
+            gain: None,
             facets: Vec::new(),
             tracks: Vec::new(),
             timing_ms,
@@ -163,6 +177,7 @@ impl Update {
                 warm: solution.warm,
             },
             illumination: Illumination { left, right },
+            gain: reconstruction.gain.map(|[left, right]| Gain { left, right }),
             facets: facets(reconstruction),
             ..Self::learning(model, sequence, time, frame, timing_ms)
         }

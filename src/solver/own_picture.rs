@@ -1,3 +1,5 @@
+use nalgebra::DMatrix;
+
 use super::planes::{dot, subtract};
 use crate::measurement::Patch;
 
@@ -11,11 +13,15 @@ use crate::measurement::Patch;
 pub(super) struct OwnPictures {
     /// u_p = W x0_p / ‖W x0_p‖ per colour; zeros for a colour in which the floor is black.
     directions: [Vec<f32>; 3],
+    /// ‖W x0_p‖.
+    norms: [f64; 3],
+    /// Per colour, u_pᵀ W A: what of each facet's light looks like its own picture, N values.
+    absorbed: [Vec<f64>; 3],
 }
 
 impl OwnPictures {
-    /// Of a patch whose pixels have these weights.
-    pub fn new(picture: &Patch, weights: &[f64]) -> Self {
+    /// Of a patch whose pixels have these weights and whose facets' light is, weighed, `matrix` (W A).
+    pub fn new(picture: &Patch, weights: &[f64], matrix: &DMatrix<f64>) -> Self {
         let weighted = [0, 1, 2].map(|p| {
             let value = |(&v, &w): (&f32, &f64)| if w > 0.0 { w * f64::from(v) } else { 0.0 };
             picture.plane(p).iter().zip(weights).map(value).collect::<Vec<f64>>()
@@ -25,8 +31,19 @@ impl OwnPictures {
             let length = if norms[p] > 0.0 { norms[p] } else { 1.0 };
             weighted[p].iter().map(|v| v / length).collect::<Vec<f64>>()
         });
+        let absorbed = unit.each_ref().map(|u| {
+            let product = |column: &[f64]| u.iter().zip(column).map(|(u, a)| u * a).sum::<f64>();
+            matrix.column_iter().map(|column| product(column.as_slice())).collect::<Vec<f64>>()
+        });
         let directions = unit.map(|u| u.into_iter().map(|u| u as f32).collect());
-        Self { directions }
+        Self { directions, norms, absorbed }
+    }
+
+    /// Multiplies what is known of the facets' light by their `scale`.
+    pub fn scale(&mut self, scale: &[f64]) {
+        for absorbed in &mut self.absorbed {
+            absorbed.iter_mut().zip(scale).for_each(|(value, scale)| *value *= scale);
+        }
     }
 
     /// u_pᵀ v, for the weighed plane v of any pattern.
@@ -38,5 +55,13 @@ impl OwnPictures {
     pub fn remove(&self, channel: usize, plane: &mut [f32]) -> (f64, f64) {
         let share = self.share(channel, plane);
         (share, subtract(share as f32, &self.directions[channel], plane))
+    }
+
+    /// By what factor a colour's picture is multiplied, of which `share` was removed, apart from the light of facets of the
+    /// intensities X_n; 1 for a black picture.
+    pub fn gain(&self, channel: usize, share: f64, intensities: impl Iterator<Item = f64>) -> f64 {
+        let facets: f64 = self.absorbed[channel].iter().zip(intensities).map(|(a, x)| a * x).sum();
+        let norm = self.norms[channel];
+        if norm > 0.0 { 1.0 + (share - facets) / norm } else { 1.0 }
     }
 }

@@ -134,7 +134,7 @@ impl Projection {
             let (weights, albedo) = (&pixels.weights[s], &pixels.albedo[s]);
             let rows: Vec<f64> = weights.iter().zip(albedo).map(|(w, a)| w * a).collect();
             let weighted = multiply_rows(transport.side(Side::BOTH[s]), &rows);
-            let own = nuisance.own(Side::BOTH[s]).map(|picture| OwnPictures::new(picture, weights));
+            let own = nuisance.own(Side::BOTH[s]).map(|picture| OwnPictures::new(picture, weights, &weighted));
             ProjectedSide::new(weighted, weights, nuisance.side(s), own, columns)
         };
         let sides: [ProjectedSide; 2] = rayon::join(|| project(0), || project(1)).into();
@@ -262,6 +262,20 @@ impl Projection {
             explained
         })
     }
+
+    /// Per side and channel, by what factor the own picture is multiplied once the facets' light is taken away:
+    /// 1 + Σ w² x0 (y − A x) / Σ w² x0². None if the nuisances have no own pictures. `intensities(s, n)` is X_sn = c_sn v_n.
+    pub fn gain(
+        &self,
+        correlations: &Correlations,
+        intensities: impl Fn(usize, usize) -> [f64; 3],
+    ) -> Option<[[f64; 3]; 2]> {
+        let gain = |s: usize| {
+            let own = self.sides[s].own.as_ref()?;
+            Some([0, 1, 2].map(|p| own.gain(p, correlations.own[s][p], (0..self.facets).map(|n| intensities(s, n)[p]))))
+        };
+        Some([gain(0)?, gain(1)?])
+    }
 }
 
 impl ProjectedSide {
@@ -269,7 +283,7 @@ impl ProjectedSide {
         mut matrix: DMatrix<f64>,
         weights: &[f64],
         nuisances: &[Vec<f64>],
-        own: Option<OwnPictures>,
+        mut own: Option<OwnPictures>,
         columns: Columns,
     ) -> Self {
         let q = orthonormal(nuisances, weights);
@@ -291,6 +305,9 @@ impl ProjectedSide {
             };
             column.scale_mut(scale[n]);
             absorbed.column_mut(n).scale_mut(scale[n]);
+        }
+        if let Some(own) = &mut own {
+            own.scale(&scale);
         }
         let overlap = |vector: &DVector<f64>| {
             let vector: Vec<f32> = vector.iter().map(|&v| v as f32).collect();

@@ -105,29 +105,73 @@ fn the_fast_product_is_the_literal_one() {
     }
 }
 
+/// Own pictures have no say in it: what is theirs in the frame, the constant gets back.
 #[test]
-fn with_the_constant_alone_the_illumination_is_b_of_equation_12() {
+fn with_the_constant_as_the_only_pattern_the_illumination_is_b_of_equation_12() {
     let transport = transport();
     let known = Pixels::uniform(&[vec![true; SIZE * SIZE], vec![true; SIZE * SIZE]]);
-    let projection = Projection::new(&transport, &known, &Nuisance::constant(SIZE * SIZE), Columns::Radiance);
-    let b = [[0.01, -0.02, 0.03], [-0.04, 0.05, 0.06]];
-    let x = |s: usize, n: usize| if n == 40 { [0.3, 0.1, 0.2 + s as f64] } else { [0.0; 3] };
-    let mut y = PatchPair::zeros(SIZE);
-    for (s, side) in Side::BOTH.into_iter().enumerate() {
-        for (p, b) in b[s].into_iter().enumerate() {
-            let light = transport.side(side).column(40) * x(s, 40)[p];
-            let plane = y.side_mut(side).plane_mut(p);
-            plane.iter_mut().zip(light.iter()).for_each(|(y, light)| *y = (light + b) as f32);
+    let constant = Nuisance::constant(SIZE * SIZE);
+    for nuisance in [constant.clone(), constant.with_own_pictures(own_pictures())] {
+        let projection = Projection::new(&transport, &known, &nuisance, Columns::Radiance);
+        let b = [[0.01, -0.02, 0.03], [-0.04, 0.05, 0.06]];
+        let x = |s: usize, n: usize| if n == 40 { [0.3, 0.1, 0.2 + s as f64] } else { [0.0; 3] };
+        let mut y = PatchPair::zeros(SIZE);
+        for (s, side) in Side::BOTH.into_iter().enumerate() {
+            for (p, b) in b[s].into_iter().enumerate() {
+                let light = transport.side(side).column(40) * x(s, 40)[p];
+                let plane = y.side_mut(side).plane_mut(p);
+                plane.iter_mut().zip(light.iter()).for_each(|(y, light)| *y = (light + b) as f32);
+            }
+        }
+        let mut correlations = projection.correlations();
+        projection.project(&y, &mut correlations).unwrap();
+        let found = projection.illumination(&correlations, x);
+        for s in 0..2 {
+            for p in 0..3 {
+                assert!((found[s][p] - b[s][p]).abs() < 1e-6, "{found:?}");
+            }
         }
     }
+}
+
+/// The formula of the documentation, literally.
+#[test]
+fn the_gain_is_the_least_squares_share_of_the_own_picture_without_the_facets() {
+    let (transport, pixels, pictures, y) = (transport(), SIZE * SIZE, own_pictures(), measurement());
+    let part = |k: usize, v: f64| if k.is_multiple_of(13) { 0.0 } else { 1.0 + 0.3 * v };
+    let weights = [31u64, 32].map(|seed| noise(seed).take(pixels).enumerate().map(|(k, v)| part(k, v)).collect());
+    let albedo = [33u64, 34].map(|seed| noise(seed).take(pixels).map(|v| 1.0 + 0.05 * v).collect());
+    let known = Pixels { weights, albedo };
+    let constant = Nuisance::constant(pixels);
+    let nuisance = constant.clone().with_own_pictures(pictures.clone());
+    let projection = Projection::new(&transport, &known, &nuisance, Columns::UnitNorm);
     let mut correlations = projection.correlations();
     projection.project(&y, &mut correlations).unwrap();
-    let found = projection.illumination(&correlations, x);
-    for s in 0..2 {
-        for p in 0..3 {
-            assert!((found[s][p] - b[s][p]).abs() < 1e-6, "{found:?}");
+    let lights = [(40, [0.3, -0.1, 0.2]), (90, [-0.5, 0.0, 0.4])];
+    let x = |s: usize, n: usize| {
+        let light = lights.iter().find(|(at, _)| *at == n).map_or([0.0; 3], |(_, light)| *light);
+        light.map(|v| v * (1.0 + s as f64))
+    };
+    let gains = projection.gain(&correlations, x).expect("there are own pictures");
+    for (s, side) in Side::BOTH.into_iter().enumerate() {
+        for (p, gain) in gains[s].into_iter().enumerate() {
+            let (mut cross, mut square) = (0.0, 0.0);
+            for k in 0..pixels {
+                let [x0, y] = [&pictures, &y].map(|pair| f64::from(pair.side(side).plane(p)[k]));
+                let radiance = |n: usize| x(s, n)[p] * projection.radiance()[s][n];
+                let facets: f64 = [40, 90].iter().map(|&n| transport.side(side)[(k, n)] * radiance(n)).sum();
+                let w2 = known.weights[s][k].powi(2);
+                cross += w2 * x0 * (y - known.albedo[s][k] * facets);
+                square += w2 * x0 * x0;
+            }
+            let literal = 1.0 + cross / square;
+            assert!((gain - literal).abs() < 1e-5, "{side:?} {p}: {gain} {literal}");
         }
     }
+    let without = Projection::new(&transport, &known, &constant, Columns::UnitNorm);
+    let mut correlations = without.correlations();
+    without.project(&y, &mut correlations).unwrap();
+    assert_eq!(without.gain(&correlations, x), None);
 }
 
 #[test]
@@ -182,11 +226,12 @@ fn a_black_floor_has_no_picture_to_take_out() {
     let known = Pixels::uniform(&[vec![true; pixels], vec![true; pixels]]);
     let constant = Nuisance::constant(pixels);
     let black = constant.clone().with_own_pictures(PatchPair::zeros(SIZE));
-    let [plain, black] = [constant, black].map(|nuisance| {
+    let [(plain, _), (black, gain)] = [constant, black].map(|nuisance| {
         let projection = Projection::new(&transport(), &known, &nuisance, Columns::UnitNorm);
         let mut correlations = projection.correlations();
         projection.project(&measurement(), &mut correlations).unwrap();
-        correlations
+        let gain = projection.gain(&correlations, |_, _| [1.0; 3]);
+        (correlations, gain)
     });
-    assert_eq!(black.rhs, plain.rhs);
+    assert_eq!((black.rhs, gain), (plain.rhs, Some([[1.0; 3]; 2])));
 }
