@@ -52,6 +52,7 @@
  *              iterations: number, warm: boolean }} solution
  * @property {string} model
  * @property {{ left: Rgb, right: Rgb }} illumination
+ * @property {{ left: Rgb, right: Rgb } | null} gain
  * @property {LitFacet[]} facets
  * @property {Track[]} tracks
  * @property {Record<string, number>} timing_ms

@@ -199,6 +199,7 @@ describe("connection", () => {
       assert.ok(body.includes(words), `the page says "${words}"`);
     }
     assert.match(await page.locator("#rate").innerText(), /^\d+\.\d$/);
+    assert.equal(await page.locator("#gain").innerText(), "\u22123.0 %, +1.2 %");
   });
 
   test("comes back by itself after a restart, with the new door", async (t) => {

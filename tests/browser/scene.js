@@ -73,6 +73,7 @@ export function update(sequence, facets, rest = {}) {
     solution: { lambda: 0.05, objective: 0.5472, data: 0.0858, penalty: 0.4614, bound: 0.5455, iterations: 14, warm: true },
     model: "published",
     illumination: { left: [-0.01, -0.01, -0.012], right: [-0.01, -0.01, -0.012] },
+    gain: { left: [0.98, 0.97, 0.96], right: [1.01, 1.012, 1.014] },
     facets,
     tracks: [],
     timing_ms: { decode: 2.1, rectify: 0.8, background: 0.2, project: 0.4, solve: 3.2, track: 0, total: 6.9 },

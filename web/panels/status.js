@@ -1,7 +1,7 @@
 import { byId, setText } from "../dom.js";
 import { UNKNOWN, duration, fixed, integer, milliseconds } from "../format.js";
 
-/** @import { Status, Update, WatchState } from "../types.js" */
+/** @import { Rgb, Status, Update, WatchState } from "../types.js" */
 /** @import { Verdict } from "../freshness.js" */
 
 /** @type {Record<WatchState, string>} */
@@ -71,7 +71,17 @@ export function showUpdate(update, rateHz, missed) {
   setText(byId("lambda"), String(Number(solution.lambda.toPrecision(4))));
   setText(byId("objective"), Number.isFinite(solution.objective) ? solution.objective.toPrecision(4) : UNKNOWN);
   setText(byId("gap"), gap(solution));
+  setText(byId("gain"), update.gain ? [update.gain.left, update.gain.right].map(gain).join(", ") : UNKNOWN);
   setText(byId("iterations"), `${integer(solution.iterations)}, from ${solution.warm ? "the last frame" : "nothing"}`);
+}
+
+/**
+ * How much brighter a patch is as a whole than when the room was empty.
+ * @param {Rgb} rgb
+ */
+function gain(rgb) {
+  const percent = 100 * ((rgb[0] + rgb[1] + rgb[2]) / 3 - 1);
+  return `${percent >= 0 ? "+" : ""}${fixed(percent, 1)} %`;
 }
 
 /**
