@@ -38,13 +38,25 @@ impl Floor {
     }
 }
 
+/// Pixels along the side of the window over which [`Floor`] takes light to change little, in patches of `size` pixels a side.
+pub fn light_window(size: usize) -> usize {
+    2 * reach(size) + 1
+}
+
+fn reach(size: usize) -> usize {
+    (size / 18).max(1)
+}
+
 /// Mean of the pixels that count in a square window around each pixel; 0 where there are none.
 fn local_mean(values: &[f64], counted: &[bool], size: usize) -> Vec<f64> {
-    let reach = (size / 18).max(1);
-    let around = |centre: usize| centre.saturating_sub(reach)..(centre + reach + 1).min(size);
+    let value = |k: usize| if counted[k] { (values[k], 1.0) } else { (0.0, 0.0) };
+    let add = |(s, n): (f64, f64), (value, one): (f64, f64)| (s + value, n + one);
+    let around = |centre: usize| centre.saturating_sub(reach(size))..(centre + reach(size) + 1).min(size);
+    // Along the rows first and then across them: a window's pixels need not all be visited for each.
+    let along = |k: usize| around(k % size).map(|j| value(k / size * size + j)).fold((0.0, 0.0), add);
+    let rows: Vec<(f64, f64)> = (0..values.len()).map(along).collect();
     let mean = |k: usize| {
-        let window = around(k / size).flat_map(|i| around(k % size).map(move |j| i * size + j));
-        let (sum, count) = window.filter(|&k| counted[k]).fold((0.0, 0.0), |(s, n), k| (s + values[k], n + 1.0));
+        let (sum, count) = around(k / size).map(|i| rows[i * size + k % size]).fold((0.0, 0.0), add);
         if count > 0.0 { sum / count } else { 0.0 }
     };
     (0..values.len()).map(mean).collect()
@@ -73,5 +85,21 @@ mod tests {
         // Taken apart and put together again, it is the same picture.
         let again = floor.picture(1);
         assert!(inside.clone().all(|k| (again[k] / (speckle(k) * light(k)) - 1.0).abs() < 0.02));
+    }
+
+    #[test]
+    fn the_local_mean_is_the_mean_of_the_pixels_in_the_window_that_count() {
+        let size = 36;
+        let values: Vec<f64> = (0..size * size).map(|k| ((k * 7919) % 101) as f64).collect();
+        let counted: Vec<bool> = (0..size * size).map(|k| k % 7 != 0 && !(k / size < 12 && k % size < 12)).collect();
+        let mean = local_mean(&values, &counted, size);
+        assert_eq!(light_window(size), 5);
+        for (k, mean) in mean.iter().enumerate() {
+            let close = |j: &usize| (j / size).abs_diff(k / size) <= 2 && (j % size).abs_diff(k % size) <= 2;
+            let inside: Vec<f64> = (0..size * size).filter(close).filter(|&j| counted[j]).map(|j| values[j]).collect();
+            let literal = if inside.is_empty() { 0.0 } else { inside.iter().sum::<f64>() / inside.len() as f64 };
+            assert!((mean - literal).abs() < 1e-9, "{k}: {mean} {literal}");
+        }
+        assert_eq!(mean[5 * size + 5], 0.0);
     }
 }

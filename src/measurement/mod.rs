@@ -10,8 +10,9 @@ mod patch;
 mod radiometry;
 mod rectify;
 mod resample;
+mod texture;
 
-pub use albedo::Floor;
+pub use albedo::{Floor, light_window};
 pub use background::Background;
 pub use drift::drift_patterns;
 pub use homography::{Homography, HomographyError};
@@ -21,3 +22,4 @@ pub use patch::{Patch, PatchPair};
 pub use radiometry::{Decoding, LightTable, srgb_to_linear};
 pub use rectify::{CameraRectifier, PatchRectifier, WrongSize};
 pub use resample::{Filter, PatchResampler};
+pub use texture::texture_strength;
