@@ -87,7 +87,7 @@ fn from_patches() {
         for frame in &frames {
             assert!(background.difference(frame, &mut difference));
             problem.projection.project(&difference, &mut correlations).unwrap();
-            let lambda = problem.lambda(problem.solver.lambda_max(&correlations));
+            let lambda = problem.lambda(&correlations, problem.solver.lambda_max(&correlations));
             problem.solver.solve_into(&correlations, lambda, model.limits, start, &mut workspace, &mut solution);
             problem.solver.refit(&correlations, &solution, &mut factors);
             assert!(solution.intensities.iter().any(|i| i.left != 0.0));

@@ -107,7 +107,8 @@ pub fn bench(
 
     let measured = project(&model, &mut reader, frames, visits, &mut each)?;
     let Measured { problem, projected, .. } = &measured;
-    let lit: Vec<&Projected> = projected.iter().filter(|f| f.lambda_max > problem.lambda(f.lambda_max)).collect();
+    let lit: Vec<&Projected> =
+        projected.iter().filter(|f| f.lambda_max > problem.lambda(&f.correlations, f.lambda_max)).collect();
     let solved = if lit.is_empty() { projected.iter().collect() } else { lit };
     let cold = solve(&model, problem, &solved, Start::Empty, visits, &mut each);
     let warm = solve(&model, problem, &solved, Start::Previous, visits, &mut each);
@@ -212,7 +213,7 @@ fn solve(
     let mut visit = |t: usize| {
         let correlations = &frames[t].correlations;
         let start = Instant::now();
-        let lambda = problem.lambda(solver.lambda_max(correlations));
+        let lambda = problem.lambda(correlations, solver.lambda_max(correlations));
         solver.solve_into(correlations, lambda, model.limits, from, &mut workspace, &mut solution);
         start.elapsed()
     };

@@ -11,6 +11,7 @@ mod model;
 mod problem;
 mod reconstructor;
 mod run;
+mod texture_reach;
 mod update;
 
 pub use engine::{Engine, StepError};

@@ -5,9 +5,11 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::Model;
+use super::texture_reach::{reach_in, texture_reach};
 use crate::config::Lambda;
+use crate::geometry::Side;
 use crate::measurement::{Background, Floor, NoiseModel, PatchPair, drift_patterns};
-use crate::solver::{Admissible, Columns, ModelKind, Nuisance, Pixels, Projection, Solver};
+use crate::solver::{Admissible, Columns, Correlations, ModelKind, Nuisance, Pixels, Projection, Solver};
 
 /// The inverse problem for one background: built when the empty room is known, used for every frame after.
 #[derive(Debug, Clone)]
@@ -23,9 +25,12 @@ pub struct Problem {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Penalty {
     Fixed(f64),
-    /// The larger of what noise can reach and a share of the strongest facet's wish: model errors grow with the signal.
+    /// The larger of what noise and, in changed light, the floor's texture can reach, and a share of the strongest facet's
+    /// wish: model errors grow with the signal.
     Adaptive {
-        floor: f64,
+        noise: f64,
+        /// Per side, for each unit of even light.
+        texture: [f64; 2],
         share: f64,
     },
 }
@@ -39,6 +44,10 @@ const SATURATED: f32 = 0.98;
 const COLOURED: f64 = 3.0;
 /// Frames of the empty room from which on its own noise is measured.
 const ENOUGH: usize = 4;
+/// Of so many frames of an empty room, noise may make one show something.
+const FRAMES: f64 = 1000.0;
+/// Of so many floors, one may have a texture that shows something when a lamp of the visible side changes.
+const FLOORS: f64 = 100.0;
 
 impl Problem {
     /// For a background, of which at least one frame is known, and a first difference from it.
@@ -68,24 +77,32 @@ impl Problem {
     fn signed(model: &Model, background: &Background, difference: &PatchPair) -> Self {
         let frames: Vec<&PatchPair> = background.kept().iter().collect();
         let noise = noise(model, &frames, background.frames()).unwrap_or_else(|| NoiseModel::from_texture(difference));
-        let projection = signed_projection(model, background.mean(), &frames, noise);
+        let weights = weights(model, background.mean(), noise);
+        let floors = floors(background.mean(), &weights);
+        let albedo_noise = albedo_noise(background, noise);
+        let projection = signed_projection(model, background.mean(), &frames, &weights, &floors);
         let solver = signed_solver(&projection);
         let penalty = match model.lambda {
             Lambda::Fixed(lambda) => Penalty::Fixed(lambda),
             Lambda::Auto => {
                 let coloured = noise_colour(model, &frames).unwrap_or(COLOURED);
-                let floor = model.lambda_factor * coloured * white_noise_reach(&projection, &solver).quantile;
-                Penalty::Adaptive { floor, share: model.lambda_share }
+                let noise =
+                    model.lambda_factor * coloured * white_noise_reach(&projection, &solver).exceeded_in_one_of(FRAMES);
+                let texture = texture_reach(model, &floors, &weights, albedo_noise, &projection, &solver)
+                    .map(|maxima| model.lambda_factor * Reach::of(&maxima).exceeded_in_one_of(FLOORS));
+                Penalty::Adaptive { noise, texture, share: model.lambda_share }
             }
         };
         Self { projection, solver, penalty }
     }
 
     /// λ for a frame whose map is empty from `lambda_max` on.
-    pub fn lambda(&self, lambda_max: f64) -> f64 {
+    pub fn lambda(&self, frame: &Correlations, lambda_max: f64) -> f64 {
         match self.penalty {
             Penalty::Fixed(lambda) => lambda,
-            Penalty::Adaptive { floor, share } => floor.max(share * lambda_max),
+            Penalty::Adaptive { noise, texture, share } => {
+                noise.hypot(reach_in(texture, &self.projection, frame)).max(share * lambda_max)
+            }
         }
     }
 }
@@ -101,43 +118,85 @@ fn signed_solver(projection: &Projection) -> Solver {
     Solver::new(projection.gram(), vec![Admissible::Signed; projection.facets()])
 }
 
-/// The projection for differences from `empty`, which the frames are of.
-fn signed_projection(model: &Model, empty: &PatchPair, frames: &[&PatchPair], noise: NoiseModel) -> Projection {
+/// Noise of a floor's albedo, which is the mean picture of the three colours relative to its level: the background's share of
+/// the noise of a difference from it.
+fn albedo_noise(background: &Background, noise: NoiseModel) -> f64 {
+    let values = || Side::BOTH.into_iter().flat_map(|side| background.mean().side(side).data());
+    let level = values().map(|&v| f64::from(v)).sum::<f64>() / values().count().max(1) as f64;
+    let of_background = 1.0 / (1.0 + background.frames() as f64);
+    if level > 0.0 { noise.sigma(level) / level * (of_background / 3.0).sqrt() } else { 0.0 }
+}
+
+/// One over the noise of each pixel of `empty`; 0 for those that do not count or are saturated.
+fn weights(model: &Model, empty: &PatchPair, noise: NoiseModel) -> [Vec<f64>; 2] {
     let sides = [&empty.left, &empty.right];
-    let weights = [0, 1].map(|s| {
+    [0, 1].map(|s| {
         let weight = |k: usize| {
             let rgb = [0, 1, 2].map(|p| sides[s].plane(p)[k]);
             let unused = !model.counted[s][k] || rgb.iter().any(|&v| v >= SATURATED);
             let level = rgb.iter().map(|&v| f64::from(v)).sum::<f64>() / 3.0;
             if unused { 0.0 } else { noise.sigma(level).recip() }
         };
-        (0..model.patch.pixels()).map(weight).collect::<Vec<f64>>()
-    });
-    let used = [0, 1].map(|s| weights[s].iter().map(|&w| w > 0.0).collect::<Vec<bool>>());
-    let floors = [0, 1].map(|s| Floor::from_picture(sides[s], &used[s]));
-    // Even light of the visible side shows the floor's albedo. An exposure step adds a multiple of the background's own
-    // picture, in each colour; a lamp changes its balance. Any colour may hold any of these, so they are smoothed; what is
-    // exactly a colour's own picture, with its noise, is taken out beforehand.
+        (0..model.patch.pixels()).map(weight).collect()
+    })
+}
+
+fn used(weights: &[Vec<f64>; 2]) -> [Vec<bool>; 2] {
+    weights.each_ref().map(|weights| weights.iter().map(|&w| w > 0.0).collect())
+}
+
+fn floors(empty: &PatchPair, weights: &[Vec<f64>; 2]) -> [Floor; 2] {
+    let [left, right] = used(weights);
+    [Floor::from_picture(&empty.left, &left), Floor::from_picture(&empty.right, &right)]
+}
+
+/// The projection for differences from `empty`, which the frames are of.
+fn signed_projection(
+    model: &Model,
+    empty: &PatchPair,
+    frames: &[&PatchPair],
+    weights: &[Vec<f64>; 2],
+    floors: &[Floor; 2],
+) -> Projection {
+    // Even light of the visible side shows the floor's albedo; it comes first because λ depends on how strong it is. An
+    // exposure step adds a multiple of the background's own picture, in each colour; a lamp changes its balance. Any colour
+    // may hold any of these, so they are smoothed; what is exactly a colour's own picture, with its noise, is taken out
+    // beforehand.
     let gains = [0, 1].map(|s| {
         let floor = &floors[s];
         vec![floor.albedo.clone(), floor.picture(0), floor.picture(1), floor.picture(2)]
     });
-    let albedo = floors.map(|floor| floor.albedo);
-    let [left_drift, right_drift] = drift_patterns(frames, &gains, &used, DRIFT_PATTERNS);
+    let albedo = floors.each_ref().map(|floor| floor.albedo.clone());
+    let [left_drift, right_drift] = drift_patterns(frames, &gains, &used(weights), DRIFT_PATTERNS);
     let [left, right] = gains;
     let nuisance = Nuisance::new([[left, left_drift].concat(), [right, right_drift].concat()]);
     let nuisance = nuisance.with_own_pictures(empty.clone());
-    Projection::new(&model.transport, &Pixels { weights, albedo }, &nuisance, Columns::UnitNorm)
+    Projection::new(&model.transport, &Pixels { weights: weights.clone(), albedo }, &nuisance, Columns::UnitNorm)
 }
 
-/// What white noise of unit variance does to the largest dual norm over the facets.
+/// What something random does to the largest dual norm over the facets: a Gumbel distribution, as maxima have.
 struct Reach {
     mean: f64,
-    /// Exceeded in one frame of a thousand.
-    quantile: f64,
+    /// β of the distribution.
+    scale: f64,
 }
 
-/// Simulated, and fitted with a Gumbel distribution, as maxima have.
+impl Reach {
+    /// Fitted to drawn maxima, by β = σ √6 / π; 0 without any.
+    fn of(maxima: &[f64]) -> Self {
+        let mean = maxima.iter().sum::<f64>() / maxima.len().max(1) as f64;
+        let squares = maxima.iter().map(|m| (m - mean).powi(2)).sum::<f64>();
+        let variance = squares / maxima.len().saturating_sub(1).max(1) as f64;
+        Self { mean, scale: (6.0 * variance).sqrt() / PI }
+    }
+
+    /// What is exceeded in one case of `cases`, many: mean + β (ln cases − 0.5772).
+    fn exceeded_in_one_of(&self, cases: f64) -> f64 {
+        self.mean + self.scale * (cases.ln() - 0.577_2)
+    }
+}
+
+/// Of white noise of unit variance, simulated.
 fn white_noise_reach(projection: &Projection, solver: &Solver) -> Reach {
     const DRAWS: usize = 200;
     let mut random = ChaCha8Rng::seed_from_u64(1);
@@ -148,10 +207,7 @@ fn white_noise_reach(projection: &Projection, solver: &Solver) -> Reach {
             solver.lambda_max(&drawn)
         })
         .collect();
-    let mean = maxima.iter().sum::<f64>() / DRAWS as f64;
-    let variance = maxima.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (DRAWS - 1) as f64;
-    // Quantile 0.999 of a Gumbel distribution of this mean and variance: β = σ √6 / π, mean + β (ln 1000 − 0.5772).
-    Reach { mean, quantile: mean + (6.0 * variance).sqrt() / PI * (1000.0_f64.ln() - 0.577_2) }
+    Reach::of(&maxima)
 }
 
 /// How much further than white noise the empty room's real noise reaches: everything is built from every other frame, as
@@ -166,7 +222,9 @@ fn noise_colour(model: &Model, frames: &[&PatchPair]) -> Option<f64> {
     let mut background = Background::new(known[0].left.size());
     known.iter().for_each(|frame| background.learn(frame));
     let noise = noise(model, &known, background.frames())?;
-    let projection = signed_projection(model, background.mean(), &known, noise);
+    let weights = weights(model, background.mean(), noise);
+    let floors = floors(background.mean(), &weights);
+    let projection = signed_projection(model, background.mean(), &known, &weights, &floors);
     let solver = signed_solver(&projection);
     let mut difference = PatchPair::zeros(known[0].left.size());
     let mut correlations = projection.correlations();

@@ -106,7 +106,7 @@ impl Reconstructor {
         let project_time = start.elapsed();
         let start = Instant::now();
         let lambda_max = problem.solver.lambda_max(correlations);
-        let lambda = problem.lambda(lambda_max);
+        let lambda = problem.lambda(correlations, lambda_max);
         // What is known to end empty starts empty: nothing of the frame before can stay by mistake.
         let warm = self.warm_start && lambda_max > lambda;
         let from = if warm { Start::Previous } else { Start::Empty };

@@ -8,6 +8,9 @@ use crate::geometry::Side;
 use crate::measurement::PatchPair;
 use crate::transport::Transport;
 
+/// Patterns that differ by less, in 1 − cos², are the same but for rounding.
+const ALIKE: f64 = 1e-9;
+
 /// How the columns of A enter the problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Columns {
@@ -260,6 +263,22 @@ impl Projection {
                 explained.iter_mut().zip(strength).for_each(|(sum, strength)| *sum += mean * strength);
             }
             explained
+        })
+    }
+
+    /// Per side and channel, how strong a change of the first pattern may be in the frame, besides a gain and what happens in
+    /// the room: the smaller of its strength (weighed, of unit norm) in a least-squares fit of it and the own picture, to
+    /// which a gain adds nothing, and the own picture's share of the frame, to which the room adds little. 0 where the first
+    /// pattern and the own picture are the same, so that the own picture takes both.
+    pub fn even_light(&self, correlations: &Correlations) -> [[f64; 3]; 2] {
+        [0, 1].map(|s| {
+            let strength = |p: usize| {
+                let product = correlations.nuisance[s][p].first().copied().unwrap_or(0.0);
+                let apart = 1.0 - self.sides[s].overlap.first().map_or(0.0, |overlap| overlap[p] * overlap[p]);
+                let fitted = if apart > ALIKE { product.abs() / apart } else { 0.0 };
+                fitted.min(correlations.own[s][p].abs())
+            };
+            [0, 1, 2].map(strength)
         })
     }
 

@@ -220,6 +220,50 @@ fn a_multiple_of_the_own_picture_is_not_there_at_all() {
     }
 }
 
+/// By the normal equations of the two.
+#[test]
+fn even_light_is_the_smaller_of_a_fit_with_the_own_picture_and_of_its_share() {
+    let (pixels, pictures, y) = (SIZE * SIZE, own_pictures(), measurement());
+    let weights: [Vec<f64>; 2] = [41u64, 42].map(|seed| noise(seed).take(pixels).map(|v| 1.0 + 0.3 * v).collect());
+    let first: Vec<f64> = noise(43).take(pixels).map(|v| 1.0 + 0.1 * v).collect();
+    let second: Vec<f64> = (0..pixels).map(|k| (k % SIZE) as f64).collect();
+    let patterns = || vec![first.clone(), second.clone()];
+    let nuisance = Nuisance::new([patterns(), patterns()]).with_own_pictures(pictures.clone());
+    let known = Pixels { weights: weights.clone(), albedo: [vec![1.0; pixels], vec![1.0; pixels]] };
+    let projection = Projection::new(&transport(), &known, &nuisance, Columns::UnitNorm);
+    let mut correlations = projection.correlations();
+    assert_eq!(projection.even_light(&correlations), [[0.0; 3]; 2]);
+    // As it is, the share is larger; with most of the picture taken away, the fit.
+    let mut less = y.clone();
+    for side in Side::BOTH {
+        let values = less.side_mut(side).data_mut().iter_mut();
+        values.zip(pictures.side(side).data()).for_each(|(y, x0)| *y -= 0.12 * x0);
+    }
+    let mut smaller = [0, 0];
+    for y in [&y, &less] {
+        projection.project(y, &mut correlations).unwrap();
+        let found = projection.even_light(&correlations);
+        for (s, side) in Side::BOTH.into_iter().enumerate() {
+            let w = DVector::from_vec(weights[s].clone());
+            let unit = DVector::from_vec(first.clone()).component_mul(&w).normalize();
+            for (p, &found) in found[s].iter().enumerate() {
+                let weighted = |pair: &PatchPair| {
+                    let plane = pair.side(side).plane(p).iter().map(|&v| f64::from(v));
+                    DVector::from_iterator(pixels, plane).component_mul(&w)
+                };
+                let (x0, y) = (weighted(&pictures), weighted(y));
+                let fit = DMatrix::from_columns(&[unit.clone(), x0.clone()]);
+                let fitted = ((fit.transpose() * &fit).try_inverse().unwrap() * fit.transpose() * &y)[0].abs();
+                let share = y.dot(&x0.normalize()).abs();
+                let literal = fitted.min(share);
+                smaller[usize::from(share < fitted)] += 1;
+                assert!((found - literal).abs() < 1e-4 * fitted.max(share), "{side:?} {p}: {found} {literal}");
+            }
+        }
+    }
+    assert!(smaller.iter().all(|&count| count > 0), "both cases: {smaller:?}");
+}
+
 #[test]
 fn a_black_floor_has_no_picture_to_take_out() {
     let pixels = SIZE * SIZE;
