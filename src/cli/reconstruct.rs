@@ -60,7 +60,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let wanted = |e: &&Entry| match recording.purpose(e.index) {
         Purpose::Before => false,
         Purpose::Background => true,
-        Purpose::Watch => arguments.frames.as_ref().is_none_or(|r| r.contains(&e.index)),
+        Purpose::Watch | Purpose::Live => arguments.frames.as_ref().is_none_or(|r| r.contains(&e.index)),
     };
     let entries: Vec<&Entry> = recording.frames.iter().filter(wanted).collect();
     if entries.iter().all(|e| recording.purpose(e.index) == Purpose::Background) {

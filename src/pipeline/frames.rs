@@ -103,7 +103,10 @@ impl FrameReader {
                 camera.apply(&image, &self.table, pair).map_err(|e| skipped(e.to_string()))?;
                 timed(|t| &mut t.rectify, start);
             }
-            (Rectifier::Patches(_), RawImages::Camera(_)) => {
+            (Rectifier::Camera(_), RawImages::Sensor(..)) => {
+                return Err(skipped("raw pixels, expected a JPEG or PNG".into()));
+            }
+            (Rectifier::Patches(_), RawImages::Camera(_) | RawImages::Sensor(..)) => {
                 return Err(skipped("a camera's image, expected a pair of patches".into()));
             }
             (Rectifier::Camera(_), RawImages::Patches(_)) => {

@@ -9,6 +9,7 @@ use super::{Model, State, Update};
 use crate::config::Preset;
 use crate::measurement::PatchPair;
 use crate::scene::Scene;
+use crate::source::{Condition, Granted, SourceState};
 
 /// One update as everyone gets it: made once, never changed.
 #[derive(Debug)]
@@ -32,20 +33,6 @@ impl Published {
         let json = serde_json::to_string(&update).unwrap_or_default().into();
         Self { update, json, scene, difference, at: Instant::now() }
     }
-}
-
-/// Where the source stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SourceState {
-    /// Before the first frame.
-    Opening,
-    /// Frames come.
-    Streaming,
-    /// There will be no more frames.
-    Ended,
-    /// The frame loop stopped on an error.
-    Failed,
 }
 
 /// Hands updates and status from the frame loop to everyone who asks.
@@ -73,8 +60,7 @@ pub struct SourceInfo {
 
 struct Counters {
     state: State,
-    source: SourceState,
-    error: Option<String>,
+    condition: Condition,
     frames: Frames,
     captured: Rate,
     solved: Rate,
@@ -89,6 +75,8 @@ pub struct Frames {
     pub solved: u64,
     /// Frames that a newer one replaced.
     pub dropped: u64,
+    /// Frames that the camera made and that never arrived, by its numbering.
+    pub lost: u64,
     /// Frames that were missing or broken.
     pub skipped: u64,
     /// The last one of those: file and reason.
@@ -130,8 +118,10 @@ pub struct SourceStatus {
     pub info: SourceInfo,
     /// Where it stands.
     pub state: SourceState,
-    /// Why it failed.
+    /// Why it is not streaming; none while all is well.
     pub error: Option<String>,
+    /// What the camera granted; none for what is no camera, and while it is not open.
+    pub granted: Option<Granted>,
 }
 
 /// Frames a second.
@@ -191,8 +181,7 @@ impl Hub {
         let stale_after = Duration::from_secs_f64((5.0 / source.fps).max(2.0));
         let counters = Counters {
             state: State::Learning,
-            source: SourceState::Opening,
-            error: None,
+            condition: Condition { state: SourceState::Opening, reason: None, granted: None },
             frames: Frames::default(),
             captured: Rate::default(),
             solved: Rate::default(),
@@ -241,7 +230,12 @@ impl Hub {
             model: self.model.kind.name(),
             preset: self.model.preset,
             lambda: last.as_ref().map_or(0.0, |p| p.update.solution.lambda),
-            source: SourceStatus { info: self.source.clone(), state: counters.source, error: counters.error.clone() },
+            source: SourceStatus {
+                info: self.source.clone(),
+                state: counters.condition.state,
+                error: counters.condition.reason.clone(),
+                granted: counters.condition.granted.clone(),
+            },
             frames: counters.frames.clone(),
             rate_hz: Rates { captured: counters.captured.hz(now), solved: counters.solved.hz(now) },
             last_update: last.map(|p| LastUpdate { sequence: p.update.sequence, age_s: p.at.elapsed().as_secs_f64() }),
@@ -261,7 +255,9 @@ impl Hub {
     pub(super) fn captured(&self) {
         let mut counters = self.lock();
         counters.frames.captured += 1;
-        counters.source = SourceState::Streaming;
+        if counters.condition.state == SourceState::Opening {
+            counters.condition.state = SourceState::Streaming;
+        }
         counters.captured.count(Instant::now());
     }
 
@@ -275,12 +271,15 @@ impl Hub {
         counters.frames.last_skipped = Some(why);
     }
 
-    pub(super) fn source_state(&self, state: SourceState, error: Option<String>) {
+    pub(super) fn lost(&self, count: u64) {
+        self.lock().frames.lost += count;
+    }
+
+    pub(super) fn condition(&self, condition: Condition) {
         let mut counters = self.lock();
         // An error is not covered up by the end that follows it.
-        if counters.source != SourceState::Failed {
-            counters.source = state;
-            counters.error = error;
+        if counters.condition.state != SourceState::Failed {
+            counters.condition = condition;
         }
     }
 

@@ -16,7 +16,7 @@ mod update;
 
 pub use engine::{Engine, StepError};
 pub use frames::{FrameReader, ReadTimes};
-pub use hub::{Hub, Published, SourceInfo, SourceState, Status};
+pub use hub::{Hub, Published, SourceInfo, Status};
 pub use mailbox::Mailbox;
 pub use model::{Model, SetupError};
 pub use problem::Problem;

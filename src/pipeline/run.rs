@@ -5,8 +5,8 @@ use jiff::Timestamp;
 
 use super::Mailbox;
 use super::engine::{Engine, StepError};
-use super::hub::{Hub, SourceState};
-use crate::source::{RawFrame, SkippedFrame, Source};
+use super::hub::Hub;
+use crate::source::{Condition, RawFrame, SkippedFrame, Source, SourceEvent, SourceState};
 
 /// A captured frame and when it was captured.
 struct Captured {
@@ -52,10 +52,10 @@ impl EndGuard<'_> {
     fn end(mut self, result: Result<(), String>) {
         self.done = true;
         match result {
-            Ok(()) => self.hub.source_state(SourceState::Ended, None),
+            Ok(()) => self.hub.condition(ended(SourceState::Ended, None)),
             Err(error) => {
                 tracing::error!("{error}");
-                self.hub.source_state(SourceState::Failed, Some(error));
+                self.hub.condition(ended(SourceState::Failed, Some(error)));
             }
         }
     }
@@ -64,19 +64,24 @@ impl EndGuard<'_> {
 impl Drop for EndGuard<'_> {
     fn drop(&mut self) {
         if !self.done {
-            self.hub.source_state(SourceState::Failed, Some("the frame loop stopped on an internal error".into()));
+            let reason = "the frame loop stopped on an internal error".into();
+            self.hub.condition(ended(SourceState::Failed, Some(reason)));
         }
     }
 }
 
+fn ended(state: SourceState, reason: Option<String>) -> Condition {
+    Condition { state, reason, granted: None }
+}
+
 fn capture(mut source: Box<dyn Source>, mailbox: &Mailbox<Captured>, hub: &Hub) {
     let lossless = source.lossless();
-    while let Some(next) = source.next_frame() {
+    while let Some(next) = source.next() {
         if mailbox.is_closed() {
             return;
         }
         match next {
-            Ok(frame) => {
+            SourceEvent::Frame(frame) => {
                 hub.captured();
                 let captured = Captured { frame, time: Timestamp::now() };
                 if lossless {
@@ -87,7 +92,10 @@ fn capture(mut source: Box<dyn Source>, mailbox: &Mailbox<Captured>, hub: &Hub) 
                     hub.dropped();
                 }
             }
-            Err(skipped) => skip(hub, &skipped),
+            SourceEvent::Skipped(skipped) => skip(hub, &skipped),
+            SourceEvent::Lost(count) => hub.lost(count),
+            SourceEvent::Condition(condition) => hub.condition(condition),
+            SourceEvent::Nothing => {}
         }
     }
 }

@@ -4,12 +4,15 @@ mod clock;
 pub mod image;
 pub mod recording;
 mod replay;
+pub mod sensor;
 
 use std::path::Path;
 use std::sync::Arc;
 
 pub use clock::{Clock, ManualClock, SystemClock};
 pub use replay::{Pace, Replay, ReplayOptions, load};
+use sensor::SensorFormat;
+use serde::Serialize;
 
 /// A frame as it was captured, not yet decoded: what is replaced by a newer frame need not be decoded at all.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,15 +38,19 @@ pub enum Purpose {
     Background,
     /// It is to be compared with the background.
     Watch,
+    /// Nobody knows: a live camera's frame.
+    Live,
 }
 
-/// The encoded images of a frame.
+/// The images of a frame. Bytes are shared, never copied, and a camera's buffers are used again once nobody holds them.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RawImages {
-    /// The camera's view.
-    Camera(Arc<[u8]>),
+    /// The camera's view, as a JPEG or PNG.
+    Camera(Arc<Vec<u8>>),
+    /// The camera's view, as the sensor's driver gives it.
+    Sensor(SensorFormat, Arc<Vec<u8>>),
     /// Rectified patches, left then right.
-    Patches([Arc<[u8]>; 2]),
+    Patches([Arc<Vec<u8>>; 2]),
 }
 
 /// A frame that could not be had; the next one may well be fine.
@@ -57,12 +64,72 @@ pub struct SkippedFrame {
 }
 
 /// What a source says next.
-pub type NextFrame = Result<RawFrame, SkippedFrame>;
+#[derive(Debug, Clone, PartialEq)]
+pub enum SourceEvent {
+    /// A frame.
+    Frame(RawFrame),
+    /// A frame that could not be had.
+    Skipped(SkippedFrame),
+    /// Frames that the camera made and nobody could fetch in time, or that it never finished.
+    Lost(u64),
+    /// How the source is doing now.
+    Condition(Condition),
+    /// Nothing yet: a chance to end.
+    Nothing,
+}
+
+/// How a source is doing, in words for people and for programs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Condition {
+    /// Where it stands.
+    pub state: SourceState,
+    /// Why, in one line; none while all is well.
+    pub reason: Option<String>,
+    /// What the device granted; none while it is not open, and for what is not a device.
+    pub granted: Option<Granted>,
+}
+
+/// Where a source stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SourceState {
+    /// Before the first frame.
+    Opening,
+    /// Frames come.
+    Streaming,
+    /// The device is there but gives no frames.
+    Stalled,
+    /// The device is gone.
+    Lost,
+    /// Waiting before the next attempt to open the device.
+    BackingOff,
+    /// There will be no more frames.
+    Ended,
+    /// The frame loop stopped on an error.
+    Failed,
+}
+
+/// What a camera granted, which need not be what it was asked for.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Granted {
+    /// The device node in use.
+    pub node: String,
+    /// The camera's name for itself.
+    pub card: String,
+    /// Pixel format, as a FourCC.
+    pub format: String,
+    /// Width and height in pixels.
+    pub size: [usize; 2],
+    /// Frames a second.
+    pub fps: f64,
+    /// Controls that do not have the values that were asked for: one line each.
+    pub mismatches: Vec<String>,
+}
 
 /// Anything that frames come from. Each runs on a thread of its own and blocks as it needs to.
 pub trait Source: Send {
-    /// Waits for the next frame; none when there will be no more.
-    fn next_frame(&mut self) -> Option<NextFrame>;
+    /// Waits for what comes next, a live device for a fraction of a second; none when there will be no more.
+    fn next(&mut self) -> Option<SourceEvent>;
 
     /// Whether every frame must be solved, as fast as that goes, rather than the newest one.
     fn lossless(&self) -> bool {

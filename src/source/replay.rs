@@ -2,7 +2,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::recording::{Entry, Files, Recording};
-use super::{Clock, NextFrame, RawFrame, RawImages, SkippedFrame, Source};
+use super::{Clock, RawFrame, RawImages, SkippedFrame, Source, SourceEvent};
 
 /// How fast a recording is replayed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,7 +48,7 @@ impl<C: Clock> Replay<C> {
 }
 
 impl<C: Clock> Source for Replay<C> {
-    fn next_frame(&mut self) -> Option<NextFrame> {
+    fn next(&mut self) -> Option<SourceEvent> {
         if self.next == self.recording.frames.len() {
             if !self.options.looped {
                 return None;
@@ -64,7 +64,7 @@ impl<C: Clock> Source for Replay<C> {
         if self.options.pace == Pace::Recorded {
             self.clock.wait_until(self.round_start + Duration::from_secs_f64(offset));
         }
-        Some(frame)
+        Some(frame.map_or_else(SourceEvent::Skipped, SourceEvent::Frame))
     }
 
     fn lossless(&self) -> bool {
@@ -73,10 +73,10 @@ impl<C: Clock> Source for Replay<C> {
 }
 
 /// Reads a frame's image files.
-pub fn load(recording: &Recording, entry: &Entry) -> NextFrame {
+pub fn load(recording: &Recording, entry: &Entry) -> Result<RawFrame, SkippedFrame> {
     let relative = |path: &std::path::Path| path.strip_prefix(&recording.path).unwrap_or(path).display().to_string();
-    let read = |path: &std::path::Path| -> Result<Arc<[u8]>, SkippedFrame> {
-        std::fs::read(path).map(Into::into).map_err(|e| SkippedFrame { name: relative(path), reason: e.to_string() })
+    let read = |path: &std::path::Path| -> Result<Arc<Vec<u8>>, SkippedFrame> {
+        std::fs::read(path).map(Arc::new).map_err(|e| SkippedFrame { name: relative(path), reason: e.to_string() })
     };
     let (images, name) = match &entry.files {
         Files::Camera(path) => (RawImages::Camera(read(path)?), relative(path)),
@@ -124,7 +124,11 @@ mod tests {
         let mut replay = Replay::new(recording, options, clock.clone());
         let mut seen = Vec::new();
         for _ in 0..5 {
-            let index = replay.next_frame().unwrap().map(|f| (f.index, f.purpose)).map_err(|e| e.to_string());
+            let index = match replay.next().unwrap() {
+                SourceEvent::Frame(frame) => Ok((frame.index, frame.purpose)),
+                SourceEvent::Skipped(skipped) => Err(skipped.to_string()),
+                other => panic!("{other:?}"),
+            };
             seen.push((clock.now().as_millis() - 100_000, index));
         }
         let missing = Err("frames/00000001_right.png: missing from the sequence".to_owned());
@@ -145,12 +149,12 @@ mod tests {
         let (_dir, recording) = recording();
         let clock = ManualClock::default();
         let mut replay = Replay::new(recording, ReplayOptions { pace: Pace::Recorded, looped: false }, clock.clone());
-        replay.next_frame();
+        replay.next();
         clock.advance(Duration::from_millis(400));
-        replay.next_frame();
+        replay.next();
         assert_eq!(clock.now().as_millis(), 400);
-        replay.next_frame();
+        replay.next();
         assert_eq!(clock.now().as_millis(), 500);
-        assert!(replay.next_frame().is_none());
+        assert!(replay.next().is_none());
     }
 }
