@@ -3,6 +3,8 @@
 mod bench;
 mod check_config;
 mod demo;
+#[cfg(feature = "v4l2")]
+mod devices;
 mod import;
 mod reconstruct;
 mod serve;
@@ -41,6 +43,8 @@ enum Command {
     Serve(serve::Arguments),
     Reconstruct(reconstruct::Arguments),
     Import(import::Arguments),
+    #[cfg(feature = "v4l2")]
+    Devices(devices::Arguments),
     Bench(bench::Arguments),
     CheckConfig(check_config::Arguments),
 }
@@ -93,6 +97,8 @@ pub(crate) fn run() -> ExitCode {
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
+        #[cfg(feature = "v4l2")]
+        Command::Devices(arguments) => devices::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::CheckConfig(arguments) => check_config::run(&arguments),
     };

@@ -57,7 +57,7 @@ impl Engine {
             let mut reconstruction = self
                 .reconstructor
                 .reconstruct(&self.pair)
-                .map_err(|e| SkippedFrame { name: frame.name.clone(), reason: e.to_string() })?
+                .map_err(|e| SkippedFrame { name: frame.name.to_string(), reason: e.to_string() })?
                 .ok_or(StepError::NoBackground)?;
             self.watching = true;
             let timing = timing(read, Some(&reconstruction), start);

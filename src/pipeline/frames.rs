@@ -76,7 +76,7 @@ impl FrameReader {
 
     /// Decodes and rectifies one frame into `pair`.
     pub fn read(&mut self, frame: &RawFrame, pair: &mut PatchPair) -> Result<ReadTimes, SkippedFrame> {
-        let skipped = |reason: String| SkippedFrame { name: frame.name.clone(), reason };
+        let skipped = |reason: String| SkippedFrame { name: frame.name.to_string(), reason };
         let mut times = ReadTimes::default();
         let mut timed =
             |slot: fn(&mut ReadTimes) -> &mut Duration, start: Instant| *slot(&mut times) += start.elapsed();

@@ -261,8 +261,8 @@ impl Hub {
         counters.captured.count(Instant::now());
     }
 
-    pub(super) fn dropped(&self) {
-        self.lock().frames.dropped += 1;
+    pub(super) fn dropped(&self, count: u64) {
+        self.lock().frames.dropped += count;
     }
 
     pub(super) fn skipped(&self, why: String) {

@@ -83,17 +83,19 @@ fn capture(mut source: Box<dyn Source>, mailbox: &Mailbox<Captured>, hub: &Hub) 
         match next {
             SourceEvent::Frame(frame) => {
                 hub.captured();
-                let captured = Captured { frame, time: Timestamp::now() };
+                let time = frame.time.unwrap_or_else(Timestamp::now);
+                let captured = Captured { frame, time };
                 if lossless {
                     if !mailbox.put_after(captured) {
                         return;
                     }
                 } else if mailbox.replace(captured).is_some() {
-                    hub.dropped();
+                    hub.dropped(1);
                 }
             }
             SourceEvent::Skipped(skipped) => skip(hub, &skipped),
             SourceEvent::Lost(count) => hub.lost(count),
+            SourceEvent::Superseded(count) => hub.dropped(count),
             SourceEvent::Condition(condition) => hub.condition(condition),
             SourceEvent::Nothing => {}
         }

@@ -1,15 +1,22 @@
 //! Where frames come from: one trait, and a source for each place.
 
+pub mod camera;
 mod clock;
 pub mod image;
+#[cfg_attr(not(feature = "v4l2"), allow(dead_code))]
+mod pool;
 pub mod recording;
 mod replay;
 pub mod sensor;
+#[cfg(feature = "v4l2")]
+pub mod v4l2;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
 pub use clock::{Clock, ManualClock, SystemClock};
+use jiff::Timestamp;
 pub use replay::{Pace, Replay, ReplayOptions, load};
 use sensor::SensorFormat;
 use serde::Serialize;
@@ -25,8 +32,10 @@ pub struct RawFrame {
     pub seconds: f64,
     /// The encoded images.
     pub images: RawImages,
-    /// What to call it in messages: a file name.
-    pub name: String,
+    /// When it was captured, if the device tells; otherwise it counts as captured when it is handed over.
+    pub time: Option<Timestamp>,
+    /// What to call it in messages: a file name, or the camera's.
+    pub name: Arc<str>,
 }
 
 /// What a frame is for.
@@ -72,6 +81,8 @@ pub enum SourceEvent {
     Skipped(SkippedFrame),
     /// Frames that the camera made and nobody could fetch in time, or that it never finished.
     Lost(u64),
+    /// Frames that arrived but were no longer the newest when they were looked at.
+    Superseded(u64),
     /// How the source is doing now.
     Condition(Condition),
     /// Nothing yet: a chance to end.
@@ -122,6 +133,8 @@ pub struct Granted {
     pub size: [usize; 2],
     /// Frames a second.
     pub fps: f64,
+    /// Values of the controls that matter, by name.
+    pub controls: BTreeMap<String, i64>,
     /// Controls that do not have the values that were asked for: one line each.
     pub mismatches: Vec<String>,
 }

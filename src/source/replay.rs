@@ -90,7 +90,8 @@ pub fn load(recording: &Recording, entry: &Entry) -> Result<RawFrame, SkippedFra
         purpose: recording.purpose(entry.index),
         seconds: entry.seconds,
         images,
-        name,
+        time: None,
+        name: name.into(),
     })
 }
 

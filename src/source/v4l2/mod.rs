@@ -1,0 +1,64 @@
+//! Cameras behind Linux's V4L2.
+//!
+//! The v4l crate panics on what it does not expect: everything here runs under [`Supervisor`](super::camera::Supervisor),
+//! which turns a panic into a fault of the camera.
+
+mod controls;
+mod find;
+mod inventory;
+mod negotiation;
+mod session;
+
+pub use controls::{ControlSettings, Setting};
+pub use find::Identity;
+pub use inventory::{CameraReport, ControlReport, FormatReport, SizeReport, cameras};
+pub use negotiation::{PixelFormat, Wish};
+pub use session::V4l2Session;
+
+use super::camera::{Fault, Opener};
+
+/// What a camera is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraOptions {
+    /// Formats, size and rate.
+    pub wish: Wish,
+    /// Exposure, gain, white balance and the like.
+    pub controls: ControlSettings,
+    /// Whether frames that are older than the newest one at the time they are looked at are left out.
+    pub newest_only: bool,
+}
+
+/// A camera by its node, its stable name or its card's name.
+pub struct V4l2Camera {
+    name: String,
+    options: CameraOptions,
+    /// Of the camera that was opened first: it is found again under another number.
+    identity: Option<Identity>,
+    /// What the camera's own automatics had found when they were switched off, by control: the same picture after a replug.
+    locked: session::Locked,
+}
+
+impl V4l2Camera {
+    /// `name` is a path (`/dev/video0`, `/dev/v4l/by-id/...`), a name below `/dev/v4l/by-id`, or the card's name.
+    pub fn new(name: impl Into<String>, options: CameraOptions) -> Self {
+        Self { name: name.into(), options, identity: None, locked: session::Locked::default() }
+    }
+}
+
+impl Opener for V4l2Camera {
+    type Session = V4l2Session;
+
+    fn open(&mut self) -> Result<V4l2Session, Fault> {
+        let node = find::node(&self.name, self.identity.as_ref())?;
+        let identity = Identity::of(&node);
+        let session = V4l2Session::open(&node, &self.options, &self.locked)?;
+        if let (None, Some(identity)) = (&self.identity, identity) {
+            self.identity = Some(identity);
+        }
+        Ok(session)
+    }
+
+    fn name(&self) -> &str {
+        &self.name
+    }
+}
