@@ -2,12 +2,14 @@
 
 use std::net::SocketAddr;
 use std::path::Path;
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::{GridSpec, Point, Room};
 use crate::scene::Brightness;
 use crate::solver::ModelKind;
+use crate::source::camera::{CameraOptions, ControlSettings, PixelFormat, Setting, Wish};
 use crate::transport::Kernel;
 
 /// A configuration that cannot be used: one line that names the file, the line or key, and what was expected.
@@ -21,6 +23,8 @@ pub struct ConfigError(String);
 pub struct Config {
     /// Where doorcam listens.
     pub server: ServerConfig,
+    /// The camera.
+    pub camera: CameraConfig,
     /// The hidden room that the map covers.
     pub room: Room,
     /// The reconstruction grid.
@@ -49,6 +53,64 @@ pub struct ServerConfig {
 impl Default for ServerConfig {
     fn default() -> Self {
         Self { listen: SocketAddr::from(([127, 0, 0, 1], 8080)) }
+    }
+}
+
+/// `[camera]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CameraConfig {
+    /// Width and height; a calibration's own size goes before it.
+    pub size: [u32; 2],
+    /// Frames a second.
+    pub fps: f64,
+    /// Pixel formats, the preferred one first.
+    pub formats: Vec<PixelFormat>,
+    /// Exposure time, in units of 100 µs.
+    pub exposure: Setting,
+    /// Gain, in the driver's units.
+    pub gain: Setting,
+    /// White balance, in kelvin.
+    pub white_balance: Setting,
+    /// Focus, in the driver's units.
+    pub focus: Setting,
+    /// 0 off, 1 50 Hz, 2 60 Hz.
+    pub power_line: Setting,
+    /// How long automatics run before they are locked.
+    pub settle_s: f64,
+}
+
+impl Default for CameraConfig {
+    fn default() -> Self {
+        Self {
+            size: [640, 480],
+            fps: 15.0,
+            formats: PixelFormat::ALL.to_vec(),
+            exposure: Setting::Lock,
+            gain: Setting::Lock,
+            white_balance: Setting::Lock,
+            focus: Setting::Lock,
+            power_line: Setting::Leave,
+            settle_s: 2.0,
+        }
+    }
+}
+
+impl CameraConfig {
+    /// What to ask the camera for; of what arrives late, only the newest frame.
+    pub fn options(&self) -> CameraOptions {
+        CameraOptions {
+            wish: Wish { size: self.size, fps: self.fps, formats: self.formats.clone() },
+            controls: ControlSettings {
+                exposure: self.exposure,
+                gain: self.gain,
+                white_balance: self.white_balance,
+                focus: self.focus,
+                power_line: self.power_line,
+                settle: Duration::from_secs_f64(self.settle_s),
+            },
+            newest_only: true,
+        }
     }
 }
 
@@ -276,6 +338,15 @@ impl Config {
 
     /// Checks each value's range; what depends on the doorway is checked with it.
     pub fn check(&self) -> Result<(), ConfigError> {
+        for (k, side) in ["width", "height"].into_iter().enumerate() {
+            within(&format!("camera.size ({side})"), f64::from(self.camera.size[k]), 16.0, 8192.0, "pixels")?;
+        }
+        within("camera.fps", self.camera.fps, 0.1, 240.0, "frames a second")?;
+        if self.camera.formats.is_empty() {
+            let all = PixelFormat::ALL.map(|f| format!("\"{f}\"")).join(", ");
+            return Err(ConfigError(format!("camera.formats is empty, expected some of {all}")));
+        }
+        within("camera.settle_s", self.camera.settle_s, 0.0, 600.0, "seconds")?;
         within("room.half_width_m", self.room.half_width_m, 0.1, 100.0, "metres")?;
         within("room.depth_m", self.room.depth_m, 0.1, 100.0, "metres")?;
         within("grid.angular_step_deg", self.grid.angular_step_deg, 0.5, 20.0, "degrees")?;

@@ -3,14 +3,31 @@
 //! What a driver does is behind two small traits, so that tests can put a camera in that does whatever they need.
 
 mod backoff;
+#[cfg_attr(not(feature = "v4l2"), allow(dead_code))]
+pub(super) mod controls;
+#[cfg_attr(not(feature = "v4l2"), allow(dead_code))]
+pub(super) mod negotiation;
 mod supervisor;
 
 use std::time::Duration;
 
 pub use backoff::Backoff;
+pub use controls::{ControlSettings, Setting};
+pub use negotiation::{PixelFormat, Wish};
 pub use supervisor::Supervisor;
 
 use super::{Granted, RawFrame, SkippedFrame};
+
+/// What a camera is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraOptions {
+    /// Formats, size and rate.
+    pub wish: Wish,
+    /// Exposure, gain, white balance and the like.
+    pub controls: ControlSettings,
+    /// Whether frames that are older than the newest one at the time they are looked at are left out.
+    pub newest_only: bool,
+}
 
 /// What can be opened to give frames, again and again.
 pub trait Opener: Send {

@@ -9,9 +9,10 @@ use v4l::framesize::FrameSizeEnum;
 use v4l::video::Capture;
 use v4l::{Device, FourCC, Fraction};
 
-use super::controls::Controls;
 use super::find::{nodes, refused, stable_name};
-use super::negotiation::{Offer, PixelFormat};
+use crate::source::camera::PixelFormat;
+use crate::source::camera::controls::Controls;
+use crate::source::camera::negotiation::Offer;
 
 /// A camera, as `doorcam devices` lists it.
 #[derive(Debug, Clone, PartialEq, Serialize)]

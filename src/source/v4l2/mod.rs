@@ -3,30 +3,15 @@
 //! The v4l crate panics on what it does not expect: everything here runs under [`Supervisor`](super::camera::Supervisor),
 //! which turns a panic into a fault of the camera.
 
-mod controls;
 mod find;
 mod inventory;
-mod negotiation;
 mod session;
 
-pub use controls::{ControlSettings, Setting};
 pub use find::Identity;
 pub use inventory::{CameraReport, ControlReport, FormatReport, SizeReport, cameras};
-pub use negotiation::{PixelFormat, Wish};
 pub use session::V4l2Session;
 
-use super::camera::{Fault, Opener};
-
-/// What a camera is asked for.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CameraOptions {
-    /// Formats, size and rate.
-    pub wish: Wish,
-    /// Exposure, gain, white balance and the like.
-    pub controls: ControlSettings,
-    /// Whether frames that are older than the newest one at the time they are looked at are left out.
-    pub newest_only: bool,
-}
+use super::camera::{CameraOptions, Fault, Opener};
 
 /// A camera by its node, its stable name or its card's name.
 pub struct V4l2Camera {

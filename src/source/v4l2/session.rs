@@ -15,12 +15,11 @@ use v4l::video::Capture as _;
 use v4l::video::capture::Parameters;
 use v4l::{Device, Format, FourCC, Fraction};
 
-use super::controls::{Controls, Kept, keep};
 use super::find::{fault, refused};
 use super::inventory::offers;
-use super::negotiation::{Offer, PixelFormat, Wish, ranked};
-use super::{CameraOptions, ControlSettings};
-use crate::source::camera::{Capture, Fault, Session};
+use crate::source::camera::controls::{Controls, Kept, keep};
+use crate::source::camera::negotiation::{Offer, ranked};
+use crate::source::camera::{CameraOptions, Capture, ControlSettings, Fault, PixelFormat, Session, Wish};
 use crate::source::pool::BufferPool;
 use crate::source::sensor::{LumaMatrix, SensorFormat, SensorPixels};
 use crate::source::{Granted, Purpose, RawFrame, RawImages, SkippedFrame};

@@ -74,11 +74,11 @@ pub struct Wish {
 
 /// Something that a camera offers.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Offer {
-    pub(super) format: PixelFormat,
-    pub(super) size: [u32; 2],
+pub(in crate::source) struct Offer {
+    pub(in crate::source) format: PixelFormat,
+    pub(in crate::source) size: [u32; 2],
     /// The highest rate; none if the driver does not tell.
-    pub(super) fps: Option<f64>,
+    pub(in crate::source) fps: Option<f64>,
 }
 
 /// A rate this much below the one asked for is as good: drivers round.
@@ -88,7 +88,7 @@ const ROUNDING: f64 = 0.98;
 ///
 /// A calibration is for one size, so the size comes first; the rate comes before the format, because what is faithful but
 /// comes twice a second loses people.
-pub(super) fn ranked(wish: &Wish, offers: &[Offer]) -> Vec<Offer> {
+pub(in crate::source) fn ranked(wish: &Wish, offers: &[Offer]) -> Vec<Offer> {
     let place = |offer: &Offer| wish.formats.iter().position(|&format| format == offer.format);
     let area = |[w, h]: [u32; 2]| f64::from(w.max(1)) * f64::from(h.max(1));
     let shape = |[w, h]: [u32; 2]| f64::from(w.max(1)) / f64::from(h.max(1));

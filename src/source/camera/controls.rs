@@ -120,23 +120,23 @@ const KNOBS: [Knob; 5] = [
 ];
 
 /// The controls of a camera, as a driver has them.
-pub(super) trait Controls {
+pub(in crate::source) trait Controls {
     fn get(&self, id: u32) -> io::Result<i64>;
     fn set(&self, id: u32, value: i64) -> io::Result<()>;
 }
 
 /// What was asked for and how the camera keeps to it.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Kept {
+pub(in crate::source) struct Kept {
     /// Values by name, as last read.
-    pub(super) values: BTreeMap<&'static str, i64>,
+    pub(in crate::source) values: BTreeMap<&'static str, i64>,
     /// One line for each control that is not as asked.
-    pub(super) mismatches: Vec<String>,
+    pub(in crate::source) mismatches: Vec<String>,
 }
 
 /// Brings the controls to what is asked and reads them back. What the automatics have found is looked up in `locked`, and
 /// put there once `settled`.
-pub(super) fn keep(
+pub(in crate::source) fn keep(
     camera: &impl Controls,
     settings: &ControlSettings,
     locked: &mut BTreeMap<u32, i64>,
