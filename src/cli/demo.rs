@@ -7,7 +7,7 @@ use doorcam::simulation::{Scenario, write_recording};
 use doorcam::source::{Pace, ReplayOptions};
 
 use super::progress;
-use super::serve::serve;
+use super::serve::serve_recording;
 
 /// Show a simulated doorway, live, with the page: no camera needed
 ///
@@ -49,7 +49,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     record(&directory, arguments.seed)?;
     let looped = ReplayOptions { pace: Pace::Recorded, looped: true };
-    serve(&Config::default(), &directory, looped, "demo", arguments.listen)
+    serve_recording(&Config::default(), &directory, looped, "demo", arguments.listen)
 }
 
 fn record(directory: &Path, seed: u64) -> anyhow::Result<()> {

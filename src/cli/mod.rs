@@ -8,6 +8,7 @@ mod devices;
 mod import;
 mod reconstruct;
 mod serve;
+mod source;
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,9 @@
+use std::sync::Arc;
 use std::time::Instant;
 
 use jiff::Timestamp;
 
-use super::hub::Published;
+use super::hub::{Published, Watched};
 use super::{FrameReader, ReadTimes, Reconstruction, Reconstructor, Timing, Update};
 use crate::measurement::PatchPair;
 use crate::scene::Brightness;
@@ -15,6 +16,7 @@ pub struct Engine {
     reconstructor: Reconstructor,
     pair: PatchPair,
     sequence: u64,
+    calibration: u32,
     /// Once the first map was made, frames of the empty room are no longer learned from: a looped recording shows them
     /// again, and they should then be seen to be empty.
     watching: bool,
@@ -35,7 +37,33 @@ impl Engine {
     /// With nothing learned yet.
     pub fn new(reader: FrameReader, reconstructor: Reconstructor) -> Self {
         let pair = PatchPair::zeros(reader.patch().size);
-        Self { reader, reconstructor, pair, sequence: 0, watching: false }
+        Self { reader, reconstructor, pair, sequence: 0, calibration: 0, watching: false }
+    }
+
+    /// Gives its updates the number of the calibration that they are of.
+    pub fn of_calibration(mut self, revision: u32) -> Self {
+        self.calibration = revision;
+        self
+    }
+
+    /// What its updates are of.
+    pub fn watched(&self) -> Watched {
+        Watched { model: Arc::clone(self.reconstructor.model()), calibration: self.calibration }
+    }
+
+    /// Number of the next update.
+    pub fn sequence(&self) -> u64 {
+        self.sequence
+    }
+
+    /// Goes on counting updates from `sequence`.
+    pub fn continue_from(&mut self, sequence: u64) {
+        self.sequence = sequence;
+    }
+
+    /// Learns the empty room anew, from now on.
+    pub fn reset_background(&mut self) {
+        self.watching = false;
     }
 
     /// How good the last frame's solution is among those from `starts` random starts; none before the first one.
@@ -48,7 +76,7 @@ impl Engine {
         let start = Instant::now();
         let read = self.reader.read(frame, &mut self.pair)?;
         let model = self.reconstructor.model().clone();
-        let (update, scene) = if !self.watching && frame.purpose != Purpose::Watch {
+        let (mut update, scene) = if !self.watching && frame.purpose != Purpose::Watch {
             if frame.purpose == Purpose::Background {
                 self.reconstructor.learn(&self.pair);
             }
@@ -68,6 +96,7 @@ impl Engine {
             }
             (update, Some(reconstruction.scene))
         };
+        update.calibration = self.calibration;
         self.sequence += 1;
         let difference = scene.is_some().then(|| self.reconstructor.difference().clone());
         Ok(Published::new(update, scene, difference))

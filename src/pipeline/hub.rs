@@ -2,6 +2,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use jiff::Timestamp;
 use serde::Serialize;
 use tokio::sync::watch;
 
@@ -9,7 +10,7 @@ use super::{Model, State, Update};
 use crate::config::Preset;
 use crate::measurement::PatchPair;
 use crate::scene::Scene;
-use crate::source::{Condition, Granted, SourceState};
+use crate::source::{Condition, Granted, RawFrame, RawImages, SourceState};
 
 /// One update as everyone gets it: made once, never changed.
 #[derive(Debug)]
@@ -35,9 +36,33 @@ impl Published {
     }
 }
 
+/// What updates are of: a model, and the calibration that it was made for.
+#[derive(Debug, Clone)]
+pub struct Watched {
+    /// The model.
+    pub model: Arc<Model>,
+    /// Counts calibrations of this run.
+    pub calibration: u32,
+}
+
+/// The newest images, as they came.
+#[derive(Debug, Clone)]
+pub struct Seen {
+    /// Counts frames of this run.
+    pub number: u64,
+    /// The images.
+    pub images: RawImages,
+    /// When they were captured.
+    pub time: Timestamp,
+    /// When they came.
+    pub at: Instant,
+}
+
 /// Hands updates and status from the frame loop to everyone who asks.
 pub struct Hub {
-    model: Arc<Model>,
+    watched: Mutex<Option<Watched>>,
+    seen: Mutex<Option<Seen>>,
+    preset: Option<Preset>,
     source: SourceInfo,
     latest: watch::Sender<Option<Arc<Published>>>,
     counters: Mutex<Counters>,
@@ -92,12 +117,16 @@ pub struct Status {
     pub state: State,
     /// Seconds since the start.
     pub uptime_s: f64,
-    /// The model in use.
-    pub model: &'static str,
+    /// The model in use; none before there is a calibration.
+    pub model: Option<&'static str>,
     /// The preset in use.
     pub preset: Option<Preset>,
     /// λ of eq. 13 in the newest update; 0 before there is a map.
     pub lambda: f64,
+    /// Whether it is known where the camera sees the floor: without, there is no map.
+    pub calibrated: bool,
+    /// Counts calibrations of this run; updates have the number of theirs.
+    pub calibration_revision: u32,
     /// Where frames come from.
     pub source: SourceStatus,
     /// Counts of frames.
@@ -175,8 +204,8 @@ impl Rate {
 }
 
 impl Hub {
-    /// A hub without updates.
-    pub fn new(model: Arc<Model>, source: SourceInfo) -> Self {
+    /// A hub without updates; `watched` is none as long as there is no calibration.
+    pub fn new(watched: Option<Watched>, preset: Option<Preset>, source: SourceInfo) -> Self {
         // As the page does it: a picture is not of now once five frames are overdue, or two seconds passed.
         let stale_after = Duration::from_secs_f64((5.0 / source.fps).max(2.0));
         let counters = Counters {
@@ -187,7 +216,9 @@ impl Hub {
             solved: Rate::default(),
         };
         Self {
-            model,
+            watched: Mutex::new(watched),
+            seen: Mutex::new(None),
+            preset,
             source,
             latest: watch::Sender::new(None),
             counters: Mutex::new(counters),
@@ -196,9 +227,14 @@ impl Hub {
         }
     }
 
-    /// The model whose map the updates are.
-    pub fn model(&self) -> &Model {
-        &self.model
+    /// What the updates are of; none before there is a calibration.
+    pub fn watched(&self) -> Option<Watched> {
+        lock(&self.watched).clone()
+    }
+
+    /// The newest images; none before the first frame.
+    pub fn seen(&self) -> Option<Seen> {
+        lock(&self.seen).clone()
     }
 
     /// The newest update.
@@ -221,14 +257,17 @@ impl Hub {
         let now = Instant::now();
         let last = self.latest();
         let fresh = self.is_fresh();
-        let mut counters = self.lock();
+        let watched = self.watched();
+        let mut counters = lock(&self.counters);
         let counters = &mut *counters;
         Status {
             version: env!("CARGO_PKG_VERSION"),
             state: if last.is_some() && !fresh { State::Stale } else { counters.state },
             uptime_s: self.started.elapsed().as_secs_f64(),
-            model: self.model.kind.name(),
-            preset: self.model.preset,
+            model: watched.as_ref().map(|w| w.model.kind.name()),
+            preset: self.preset,
+            calibrated: watched.is_some(),
+            calibration_revision: watched.map_or(0, |w| w.calibration),
             lambda: last.as_ref().map_or(0.0, |p| p.update.solution.lambda),
             source: SourceStatus {
                 info: self.source.clone(),
@@ -244,7 +283,7 @@ impl Hub {
     }
 
     pub(super) fn publish(&self, published: Published) {
-        let mut counters = self.lock();
+        let mut counters = lock(&self.counters);
         counters.state = published.update.state;
         counters.frames.solved += 1;
         counters.solved.count(published.at);
@@ -252,8 +291,14 @@ impl Hub {
         self.latest.send_replace(Some(Arc::new(published)));
     }
 
-    pub(super) fn captured(&self) {
-        let mut counters = self.lock();
+    pub(super) fn watch(&self, watched: Watched) {
+        *lock(&self.watched) = Some(watched);
+    }
+
+    pub(super) fn captured(&self, frame: &RawFrame, time: Timestamp) {
+        let mut counters = lock(&self.counters);
+        let number = counters.frames.captured;
+        *lock(&self.seen) = Some(Seen { number, images: frame.images.clone(), time, at: Instant::now() });
         counters.frames.captured += 1;
         if counters.condition.state == SourceState::Opening {
             counters.condition.state = SourceState::Streaming;
@@ -262,28 +307,32 @@ impl Hub {
     }
 
     pub(super) fn dropped(&self, count: u64) {
-        self.lock().frames.dropped += count;
+        lock(&self.counters).frames.dropped += count;
     }
 
     pub(super) fn skipped(&self, why: String) {
-        let mut counters = self.lock();
+        let mut counters = lock(&self.counters);
         counters.frames.skipped += 1;
         counters.frames.last_skipped = Some(why);
     }
 
     pub(super) fn lost(&self, count: u64) {
-        self.lock().frames.lost += count;
+        lock(&self.counters).frames.lost += count;
+    }
+
+    pub(super) fn source_state(&self) -> SourceState {
+        lock(&self.counters).condition.state
     }
 
     pub(super) fn condition(&self, condition: Condition) {
-        let mut counters = self.lock();
+        let mut counters = lock(&self.counters);
         // An error is not covered up by the end that follows it.
         if counters.condition.state != SourceState::Failed {
             counters.condition = condition;
         }
     }
+}
 
-    fn lock(&self) -> MutexGuard<'_, Counters> {
-        self.counters.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

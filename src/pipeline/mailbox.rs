@@ -1,9 +1,21 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// A slot for one item between a producer and a consumer: a newer item replaces one that was not taken.
 pub struct Mailbox<T> {
     slot: Mutex<Slot<T>>,
     changed: Condvar,
+}
+
+/// What was in a mailbox.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Taken<T> {
+    /// An item.
+    Item(T),
+    /// Nothing yet.
+    Nothing,
+    /// Nothing, and nothing will come.
+    Closed,
 }
 
 struct Slot<T> {
@@ -41,13 +53,18 @@ impl<T> Mailbox<T> {
         true
     }
 
-    /// Waits for an item; none once the mailbox is closed and empty.
-    pub fn take(&self) -> Option<T> {
+    /// Waits for an item, at most `limit`.
+    pub fn take(&self, limit: Duration) -> Taken<T> {
         let empty = |slot: &mut Slot<T>| slot.item.is_none() && !slot.closed;
-        let mut slot = self.changed.wait_while(self.lock(), empty).unwrap_or_else(PoisonError::into_inner);
+        let waited = self.changed.wait_timeout_while(self.lock(), limit, empty);
+        let (mut slot, _) = waited.unwrap_or_else(PoisonError::into_inner);
         let item = slot.item.take();
         self.changed.notify_all();
-        item
+        match item {
+            Some(item) => Taken::Item(item),
+            None if slot.closed => Taken::Closed,
+            None => Taken::Nothing,
+        }
     }
 
     /// Ends the traffic: what is in the slot can still be taken.
@@ -68,16 +85,19 @@ mod tests {
 
     use super::*;
 
+    const LONG: Duration = Duration::from_secs(60);
+
     #[test]
     fn the_newest_item_wins() {
         let mailbox = Mailbox::default();
         assert_eq!(mailbox.replace(1), None);
         assert_eq!(mailbox.replace(2), Some(1));
-        assert_eq!(mailbox.take(), Some(2));
+        assert_eq!(mailbox.take(LONG), Taken::Item(2));
+        assert_eq!(mailbox.take(Duration::from_millis(1)), Taken::Nothing);
         mailbox.replace(3);
         mailbox.close();
-        assert_eq!(mailbox.take(), Some(3));
-        assert_eq!(mailbox.take(), None);
+        assert_eq!(mailbox.take(LONG), Taken::Item(3));
+        assert_eq!(mailbox.take(LONG), Taken::Closed);
     }
 
     #[test]
@@ -91,7 +111,11 @@ mod tests {
                 mailbox.put_after(1000)
             }
         });
-        let taken: Vec<i32> = std::iter::from_fn(|| mailbox.take()).collect();
+        let next = || match mailbox.take(LONG) {
+            Taken::Item(item) => Some(item),
+            Taken::Nothing | Taken::Closed => None,
+        };
+        let taken: Vec<i32> = std::iter::from_fn(next).collect();
         assert_eq!(taken, (0..1000).collect::<Vec<_>>());
         assert!(!producer.join().unwrap());
     }

@@ -16,10 +16,10 @@ mod update;
 
 pub use engine::{Engine, StepError};
 pub use frames::{FrameReader, ReadTimes};
-pub use hub::{Hub, Published, SourceInfo, Status};
-pub use mailbox::Mailbox;
+pub use hub::{Hub, Published, Seen, SourceInfo, Status, Watched};
+pub use mailbox::{Mailbox, Taken};
 pub use model::{Model, SetupError};
 pub use problem::Problem;
 pub use reconstructor::{Reconstruction, Reconstructor};
-pub use run::start;
+pub use run::{Command, Control, start};
 pub use update::{State, Timing, Track, Update};

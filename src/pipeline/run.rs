@@ -1,12 +1,13 @@
 use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
 
 use jiff::Timestamp;
 
-use super::Mailbox;
 use super::engine::{Engine, StepError};
 use super::hub::Hub;
-use crate::source::{Condition, RawFrame, SkippedFrame, Source, SourceEvent, SourceState};
+use super::{Mailbox, Taken};
+use crate::source::{Condition, Granted, RawFrame, SkippedFrame, Source, SourceEvent, SourceState};
 
 /// A captured frame and when it was captured.
 struct Captured {
@@ -14,23 +15,47 @@ struct Captured {
     time: Timestamp,
 }
 
-/// Starts the capture and the solver thread; they end with the source.
-pub fn start(source: Box<dyn Source>, engine: Engine, hub: Arc<Hub>) -> std::io::Result<[JoinHandle<()>; 2]> {
+/// What the frame loop is told while it runs.
+pub enum Command {
+    /// Goes on with this engine, of a new calibration.
+    Use(Box<Engine>),
+    /// Learns the empty room anew, from now on.
+    ResetBackground,
+}
+
+/// Tells a running frame loop what to do.
+#[derive(Clone)]
+pub struct Control(Sender<Command>);
+
+impl Control {
+    /// What is told takes effect before the next frame; false if the loop has ended.
+    pub fn tell(&self, command: Command) -> bool {
+        self.0.send(command).is_ok()
+    }
+}
+
+/// How often the solver thread looks for commands while no frames come.
+const TICK: Duration = Duration::from_millis(100);
+
+/// Starts the capture and the solver thread; they end with the source. Without an engine, frames are only looked at, until
+/// [`Command::Use`] brings one.
+pub fn start(source: Box<dyn Source>, engine: Option<Engine>, hub: Arc<Hub>) -> std::io::Result<Control> {
     let mailbox = Arc::new(Mailbox::default());
-    let capture = {
+    let (tell, commands) = channel();
+    {
         let (mailbox, hub) = (Arc::clone(&mailbox), Arc::clone(&hub));
         std::thread::Builder::new().name("capture".into()).spawn(move || {
             let _closing = Closing(&mailbox);
             capture(source, &mailbox, &hub);
         })?
     };
-    let solve = std::thread::Builder::new().name("solve".into()).spawn(move || {
+    std::thread::Builder::new().name("solve".into()).spawn(move || {
         let _closing = Closing(&mailbox);
         let guard = EndGuard { hub: &hub, done: false };
-        let ended = solve(engine, &mailbox, &hub);
+        let ended = solve(engine, &mailbox, &hub, &commands);
         guard.end(ended);
     })?;
-    Ok([capture, solve])
+    Ok(Control(tell))
 }
 
 /// Closes the mailbox however its thread ends, so that the other one ends too.
@@ -82,8 +107,8 @@ fn capture(mut source: Box<dyn Source>, mailbox: &Mailbox<Captured>, hub: &Hub) 
         }
         match next {
             SourceEvent::Frame(frame) => {
-                hub.captured();
                 let time = frame.time.unwrap_or_else(Timestamp::now);
+                hub.captured(&frame, time);
                 let captured = Captured { frame, time };
                 if lossless {
                     if !mailbox.put_after(captured) {
@@ -96,10 +121,32 @@ fn capture(mut source: Box<dyn Source>, mailbox: &Mailbox<Captured>, hub: &Hub) 
             SourceEvent::Skipped(skipped) => skip(hub, &skipped),
             SourceEvent::Lost(count) => hub.lost(count),
             SourceEvent::Superseded(count) => hub.dropped(count),
-            SourceEvent::Condition(condition) => hub.condition(condition),
+            SourceEvent::Condition(condition) => {
+                tell(&condition, hub.source_state());
+                hub.condition(condition);
+            }
             SourceEvent::Nothing => {}
         }
     }
+}
+
+/// Says in the log what the page shows, with the state `before`.
+fn tell(condition: &Condition, before: SourceState) {
+    let Some(granted) = &condition.granted else {
+        condition.reason.iter().for_each(|reason| tracing::warn!("{reason}"));
+        return;
+    };
+    let Granted { card, node, format, size: [width, height], fps, mismatches, .. } = granted;
+    let fps = (fps * 100.0).round() / 100.0;
+    match (&condition.reason, condition.state) {
+        (Some(reason), _) => tracing::warn!("{reason}"),
+        (None, SourceState::Opening) => {
+            tracing::info!("{node}: {card}, {format} {width}x{height}, {fps} frames a second");
+        }
+        (None, state) if state != before => tracing::info!("{node}: frames come"),
+        (None, _) => {}
+    }
+    mismatches.iter().for_each(|mismatch| tracing::warn!("{node}: {mismatch}"));
 }
 
 fn skip(hub: &Hub, skipped: &SkippedFrame) {
@@ -108,13 +155,33 @@ fn skip(hub: &Hub, skipped: &SkippedFrame) {
 }
 
 /// Solves frames until there are no more; an error if none of them can be solved.
-fn solve(mut engine: Engine, mailbox: &Mailbox<Captured>, hub: &Hub) -> Result<(), String> {
-    while let Some(Captured { frame, time }) = mailbox.take() {
+fn solve(
+    mut engine: Option<Engine>,
+    mailbox: &Mailbox<Captured>,
+    hub: &Hub,
+    commands: &Receiver<Command>,
+) -> Result<(), String> {
+    loop {
+        while let Ok(command) = commands.try_recv() {
+            match command {
+                Command::Use(mut next) => {
+                    hub.watch(next.watched());
+                    next.continue_from(engine.as_ref().map_or(0, Engine::sequence));
+                    engine = Some(*next);
+                }
+                Command::ResetBackground => engine.iter_mut().for_each(Engine::reset_background),
+            }
+        }
+        let Captured { frame, time } = match mailbox.take(TICK) {
+            Taken::Item(captured) => captured,
+            Taken::Nothing => continue,
+            Taken::Closed => return Ok(()),
+        };
+        let Some(engine) = &mut engine else { continue };
         match engine.step(&frame, time) {
             Ok(published) => hub.publish(published),
             Err(StepError::Skipped(skipped)) => skip(hub, &skipped),
             Err(e @ StepError::NoBackground) => return Err(e.to_string()),
         }
     }
-    Ok(())
 }

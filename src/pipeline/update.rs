@@ -32,6 +32,8 @@ pub struct Update {
     pub frame: Option<u64>,
     /// Whether the map can be trusted.
     pub state: State,
+    /// Which calibration it is of: when it changes, so may have the geometry.
+    pub calibration: u32,
     /// How the map was found.
     pub solution: SolutionReport,
     /// Which signs the map may have.
@@ -142,6 +144,7 @@ impl Update {
             time,
             frame,
             state: State::Learning,
+            calibration: 0,
             solution: SolutionReport::default(),
             model: model.kind.name(),
             illumination: Illumination::default(),
@@ -165,6 +168,7 @@ impl Update {
         let [left, right] = reconstruction.illumination;
         Self {
             state: State::Watching,
+            calibration: 0,
             solution: SolutionReport {
                 lambda: solution.lambda,
                 objective: solution.objective(),

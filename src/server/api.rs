@@ -3,7 +3,7 @@ use std::sync::atomic::Ordering;
 use axum::Json;
 use axum::body::Bytes;
 use axum::extract::State;
-use axum::http::header;
+use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::json;
@@ -11,12 +11,13 @@ use serde_json::json;
 use super::Shared;
 use super::problem::Problem;
 use crate::geometry::{Doorway, Point, Room};
-use crate::pipeline::Status;
+use crate::pipeline::{Command, Status, Watched};
 use crate::render::RenderError;
 
 /// GET /api/v1/geometry, in the door frame.
 #[derive(Serialize)]
 pub(super) struct Geometry {
+    calibration: u32,
     doorway: Doorway,
     room: Room,
     patch: PatchReport,
@@ -34,15 +35,19 @@ pub(super) async fn status(State(shared): State<Shared>) -> Json<Status> {
     Json(shared.hub.status(shared.clients.load(Ordering::Relaxed)))
 }
 
-pub(super) async fn geometry(State(shared): State<Shared>) -> Json<Geometry> {
-    let model = shared.hub.model();
-    Json(Geometry {
+pub(super) async fn geometry(State(shared): State<Shared>) -> Response {
+    let Some(Watched { model, calibration }) = shared.hub.watched() else {
+        return Problem::not_found("the camera is not calibrated yet: see /api/v1/calibration").into_response();
+    };
+    let geometry = Geometry {
+        calibration,
         doorway: model.doorway,
         room: model.grid.room,
         patch: PatchReport { fov_m: model.patch.fov_m, pixels: model.patch.size },
         facets: model.grid.facets.iter().map(|f| [f.from, f.to]).collect(),
         foreground: model.grid.foreground.clone(),
-    })
+    };
+    Json(geometry).into_response()
 }
 
 pub(super) async fn reconstruction(State(shared): State<Shared>) -> Response {
@@ -61,7 +66,8 @@ pub(super) async fn tracks(State(shared): State<Shared>) -> Response {
 pub(super) async fn reconstruction_png(State(shared): State<Shared>) -> Response {
     picture(shared, |shared| {
         let latest = shared.hub.latest()?;
-        shared.pictures.reconstruction(shared.hub.model(), &latest)
+        let watched = shared.hub.watched().filter(|w| w.calibration == latest.update.calibration)?;
+        shared.pictures.reconstruction(&watched.model, &latest)
     })
     .await
 }
@@ -81,6 +87,14 @@ async fn picture(
         Ok(None) => Problem::not_found("there is no map yet: the empty room is being learned").into_response(),
         Err(_) => Problem::internal("drawing the picture failed").into_response(),
     }
+}
+
+/// Learns the empty room anew, from the next frame on.
+pub(super) async fn reset_background(State(shared): State<Shared>) -> Response {
+    if shared.control.tell(Command::ResetBackground) {
+        return StatusCode::ACCEPTED.into_response();
+    }
+    Problem::conflict("the source has ended: no frames will come to learn from").into_response()
 }
 
 /// 200 while updates are of now, 503 otherwise.

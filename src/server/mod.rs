@@ -2,6 +2,7 @@
 
 mod api;
 mod assets;
+mod frame;
 mod live;
 mod pictures;
 mod problem;
@@ -14,7 +15,7 @@ use std::time::Duration;
 use axum::Router;
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderValue, Method, Uri};
-use axum::routing::get;
+use axum::routing::{get, post};
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::time::timeout;
@@ -22,7 +23,7 @@ use tower_http::set_header::SetResponseHeaderLayer;
 
 use self::pictures::Pictures;
 use self::problem::Problem;
-use crate::pipeline::Hub;
+use crate::pipeline::{Control, Hub};
 
 /// Why the server is not there.
 #[derive(Debug, thiserror::Error)]
@@ -44,6 +45,7 @@ pub enum ServerError {
 #[derive(Clone)]
 struct Shared {
     hub: Arc<Hub>,
+    control: Control,
     pictures: Arc<Pictures>,
     clients: Arc<AtomicUsize>,
     /// Turns true when the server ends: open sockets would hold it up for ever.
@@ -82,10 +84,15 @@ impl Server {
     }
 
     /// Serves until `end` completes, then tells clients and gives them a moment to leave.
-    pub async fn serve(self, hub: Arc<Hub>, end: impl Future<Output = ()>) -> Result<(), ServerError> {
+    pub async fn serve(
+        self,
+        hub: Arc<Hub>,
+        control: Control,
+        end: impl Future<Output = ()>,
+    ) -> Result<(), ServerError> {
         let (tell, ending) = watch::channel(false);
         let mut told = ending.clone();
-        let shared = Shared { hub, pictures: Arc::default(), clients: Arc::default(), ending };
+        let shared = Shared { hub, control, pictures: Arc::default(), clients: Arc::default(), ending };
         let serving = axum::serve(self.listener, routes(shared)).with_graceful_shutdown(async move {
             // An error would mean that nobody is left to tell.
             let _ = told.wait_for(|&e| e).await;
@@ -115,6 +122,8 @@ fn routes(shared: Shared) -> Router {
         .route("/reconstruction.png", get(api::reconstruction_png))
         .route("/difference.png", get(api::difference_png))
         .route("/tracks", get(api::tracks))
+        .route("/frame.jpg", get(frame::frame))
+        .route("/background/reset", post(api::reset_background))
         .route("/live", get(live::live));
     let fixed = |name: HeaderName, value: &'static str| {
         SetResponseHeaderLayer::if_not_present(name, HeaderValue::from_static(value))

@@ -19,6 +19,10 @@ impl Problem {
         Self::new(StatusCode::NOT_FOUND, detail)
     }
 
+    pub(super) fn conflict(detail: &str) -> Self {
+        Self::new(StatusCode::CONFLICT, detail)
+    }
+
     pub(super) fn method_not_allowed(detail: &str) -> Self {
         Self::new(StatusCode::METHOD_NOT_ALLOWED, detail)
     }

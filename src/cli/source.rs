@@ -1,0 +1,83 @@
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use doorcam::source::{Pace, ReplayOptions};
+
+/// What clap's help says of `--source`.
+pub(super) const HELP: &str = "\
+Sources:
+  v4l2:/dev/video0               a camera, by its node
+  v4l2:NAME                      a camera, by its stable name or its card's name (doorcam devices lists them)
+  replay:DIR[,loop][,rate=max]   a recording: at its own pace or as fast as it goes, once or for ever";
+
+/// Where frames come from.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct SourceSpec {
+    /// As given on the command line.
+    pub(super) text: String,
+    pub(super) kind: SourceKind,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum SourceKind {
+    /// `replay:DIR[,loop][,rate=max]`
+    Replay(PathBuf, ReplayOptions),
+    /// `v4l2:NAME`
+    Camera(String),
+}
+
+impl FromStr for SourceSpec {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let kind = match text.split_once(':') {
+            Some(("replay", rest)) => replay(rest)?,
+            Some(("v4l2", "")) => return Err("expected a camera after v4l2:, such as v4l2:/dev/video0".into()),
+            Some(("v4l2", name)) => SourceKind::Camera(name.into()),
+            _ => {
+                return Err(
+                    "expected v4l2:CAMERA or replay:DIR[,loop][,rate=max]; the simulator is not built yet".into()
+                );
+            }
+        };
+        Ok(Self { text: text.into(), kind })
+    }
+}
+
+fn replay(rest: &str) -> Result<SourceKind, String> {
+    let mut options = ReplayOptions { pace: Pace::Recorded, looped: false };
+    let mut directory = rest;
+    // Options are taken from the end, so that a directory's name may have commas.
+    while let Some((before, option)) = directory.rsplit_once(',') {
+        match option {
+            "loop" => options.looped = true,
+            "rate=max" => options.pace = Pace::Max,
+            _ => break,
+        }
+        directory = before;
+    }
+    if directory.is_empty() {
+        return Err("expected a directory after replay:".into());
+    }
+    Ok(SourceKind::Replay(directory.into(), options))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_are_read() {
+        let read = |text: &str| text.parse::<SourceSpec>().map(|s| s.kind);
+        let replay =
+            |directory: &str, pace, looped| Ok(SourceKind::Replay(directory.into(), ReplayOptions { pace, looped }));
+        assert_eq!(read("replay:a/b"), replay("a/b", Pace::Recorded, false));
+        assert_eq!(read("replay:a,loop,rate=max"), replay("a", Pace::Max, true));
+        assert_eq!(read("replay:a,b,loop"), replay("a,b", Pace::Recorded, true));
+        assert_eq!(read("v4l2:/dev/video0"), Ok(SourceKind::Camera("/dev/video0".into())));
+        assert_eq!(read("v4l2:Maker: Cam"), Ok(SourceKind::Camera("Maker: Cam".into())));
+        assert!(read("v4l2:").unwrap_err().contains("expected a camera"));
+        assert!(read("replay:").unwrap_err().contains("expected a directory"));
+        assert!(read("webcam").unwrap_err().contains("expected v4l2:CAMERA or replay:DIR"));
+    }
+}
