@@ -1,5 +1,7 @@
 //! Images to patch pairs.
 
+use std::ops::Range;
+
 use super::homography::Homography;
 use super::{Filter, LightTable, Patch, PatchPair, PatchResampler};
 use crate::geometry::{Doorway, Side};
@@ -8,7 +10,7 @@ use crate::transport::PatchGrid;
 
 /// An image that does not fit what the rectifier was made for.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("the image has {got:?} pixels, expected {expected:?}")]
+#[error("the image has {} x {} pixels, expected {} x {}", got.0, got.1, expected.0, expected.1)]
 pub struct WrongSize {
     got: (usize, usize),
     expected: (usize, usize),
@@ -68,9 +70,20 @@ impl CameraRectifier {
         Self { image_size, taps }
     }
 
+    /// Width and height of the images.
+    pub fn image_size(&self) -> (usize, usize) {
+        self.image_size
+    }
+
     /// Per side, the patch pixels that the camera sees whole.
     pub fn visible(&self) -> [Vec<bool>; 2] {
         [0, 1].map(|s| self.taps[s].start.windows(2).map(|w| w[0] < w[1]).collect())
+    }
+
+    /// The image rows that the patches are read from: the others need not be decoded.
+    pub fn rows(&self) -> Range<usize> {
+        let pixels = || self.taps.iter().flat_map(|taps| &taps.pixel).map(|&p| p as usize / self.image_size.0.max(1));
+        pixels().min().unwrap_or(0)..pixels().max().map_or(0, |last| last + 1)
     }
 
     /// Linear light of the two patches in `image`; pixels that the camera does not see whole are 0.
@@ -225,5 +238,12 @@ mod tests {
         let small = Image { width: 2, height: 2, samples: Samples::Eight(vec![0; 12]) };
         let table = LightTable::new(Decoding::Light(Transfer::Srgb));
         narrow.apply(&small, &table, &mut PatchPair::zeros(16)).expect_err("wrong size");
+    }
+
+    #[test]
+    fn rows_are_those_that_the_patches_are_read_from() {
+        // From the wall at row 20 down to 0.3 m in front of it.
+        let rows = rectifier().rows();
+        assert!((19..=21).contains(&rows.start) && (170..=172).contains(&rows.end), "{rows:?}");
     }
 }

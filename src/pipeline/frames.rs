@@ -1,16 +1,18 @@
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use super::{Model, SetupError};
 use crate::config::{Config, Preset};
 use crate::geometry::Side;
 use crate::measurement::{CameraRectifier, Decoding, Filter, Homography, LightTable, PatchPair, PatchRectifier};
-use crate::source::image::Image;
+use crate::source::image::ImageDecoder;
 use crate::source::recording::{Layout, Manifest};
 use crate::source::{RawFrame, RawImages, SkippedFrame};
 use crate::transport::PatchGrid;
 
 /// Decodes frames and rectifies them into patch pairs in linear light.
 pub struct FrameReader {
+    decoder: ImageDecoder,
     table: LightTable,
     rectifier: Rectifier,
     patch: PatchGrid,
@@ -18,7 +20,7 @@ pub struct FrameReader {
 
 enum Rectifier {
     Patches([PatchRectifier; 2]),
-    Camera(CameraRectifier),
+    Camera(CameraRectifier, Range<usize>),
 }
 
 /// How long reading a frame took.
@@ -47,10 +49,12 @@ impl FrameReader {
                 let points: Vec<_> = manifest.floor_points.iter().map(|p| (p.floor_m, p.pixel)).collect();
                 let homography = Homography::fit(&points)?;
                 let [width, height] = manifest.size.unwrap_or_default();
-                Rectifier::Camera(CameraRectifier::new(&manifest.doorway, &patch, &homography, (width, height)))
+                let camera = CameraRectifier::new(&manifest.doorway, &patch, &homography, (width, height));
+                let rows = camera.rows();
+                Rectifier::Camera(camera, rows)
             }
         };
-        let reader = Self { table: LightTable::new(decoding), rectifier, patch };
+        let reader = Self { decoder: ImageDecoder::default(), table: LightTable::new(decoding), rectifier, patch };
         for (side, seen) in Side::BOTH.into_iter().zip(reader.seen().into_iter().flatten()) {
             let count = seen.iter().filter(|&&s| s).count();
             if 2 * count < seen.len() {
@@ -69,7 +73,7 @@ impl FrameReader {
     /// Per side and pixel, what the camera sees; none if everything is seen.
     pub fn seen(&self) -> Option<[Vec<bool>; 2]> {
         match &self.rectifier {
-            Rectifier::Camera(camera) => Some(camera.visible()),
+            Rectifier::Camera(camera, _) => Some(camera.visible()),
             Rectifier::Patches(_) => None,
         }
     }
@@ -80,37 +84,38 @@ impl FrameReader {
         let mut times = ReadTimes::default();
         let mut timed =
             |slot: fn(&mut ReadTimes) -> &mut Duration, start: Instant| *slot(&mut times) += start.elapsed();
-        let decode = |bytes: &[u8]| Image::decode(bytes).map_err(|e| skipped(e.to_string()));
+        let decoder = &mut self.decoder;
         match (&mut self.rectifier, &frame.images) {
             (Rectifier::Patches(rectifiers), RawImages::Patches(images)) => {
                 for ((side, rectifier), bytes) in Side::BOTH.into_iter().zip(rectifiers).zip(images) {
                     let start = Instant::now();
-                    let image = decode(bytes).map_err(|e| SkippedFrame {
-                        name: e.name.replace("_left.", &format!("_{}.", side.name())),
-                        ..e
+                    let image = decoder.decode(bytes, None).map_err(|e| SkippedFrame {
+                        name: frame.name.replace("_left.", &format!("_{}.", side.name())),
+                        reason: e.to_string(),
                     })?;
                     timed(|t| &mut t.decode, start);
                     let start = Instant::now();
-                    rectifier.apply(&image, &self.table, pair.side_mut(side));
+                    rectifier.apply(image, &self.table, pair.side_mut(side));
                     timed(|t| &mut t.rectify, start);
                 }
             }
-            (Rectifier::Camera(camera), RawImages::Camera(bytes)) => {
+            (Rectifier::Camera(camera, rows), images) => {
                 let start = Instant::now();
-                let image = decode(bytes)?;
+                let image = match images {
+                    RawImages::Camera(bytes) => decoder.decode(bytes, Some(camera.image_size())),
+                    RawImages::Sensor(format, bytes) => decoder.decode_sensor(format, bytes, rows.clone()),
+                    RawImages::Patches(_) => {
+                        return Err(skipped("a pair of patches, expected a camera's image".into()));
+                    }
+                };
+                let image = image.map_err(|e| skipped(e.to_string()))?;
                 timed(|t| &mut t.decode, start);
                 let start = Instant::now();
-                camera.apply(&image, &self.table, pair).map_err(|e| skipped(e.to_string()))?;
+                camera.apply(image, &self.table, pair).map_err(|e| skipped(e.to_string()))?;
                 timed(|t| &mut t.rectify, start);
-            }
-            (Rectifier::Camera(_), RawImages::Sensor(..)) => {
-                return Err(skipped("raw pixels, expected a JPEG or PNG".into()));
             }
             (Rectifier::Patches(_), RawImages::Camera(_) | RawImages::Sensor(..)) => {
                 return Err(skipped("a camera's image, expected a pair of patches".into()));
-            }
-            (Rectifier::Camera(_), RawImages::Patches(_)) => {
-                return Err(skipped("a pair of patches, expected a camera's image".into()));
             }
         }
         Ok(times)

@@ -1,13 +1,15 @@
-//! Encoded frames to samples.
+//! Encoded and raw frames to samples, and back to a JPEG for people.
 
 use std::io::Cursor;
+use std::ops::Range;
 
-use zune_jpeg::JpegDecoder;
-use zune_jpeg::zune_core::bytestream::ZCursor;
-use zune_jpeg::zune_core::colorspace::ColorSpace;
-use zune_jpeg::zune_core::options::DecoderOptions;
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
 
-/// Why an image file's bytes are not an image.
+use super::jpeg::JpegReader;
+use super::sensor::{SensorFormat, SensorPixels};
+
+/// Why bytes are not an image, or an image cannot be encoded.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
     /// Neither a JPEG nor a PNG by its first bytes.
@@ -19,6 +21,37 @@ pub enum ImageError {
     /// A broken or truncated PNG.
     #[error("broken PNG: {0}")]
     Png(String),
+    /// The image has another size than was asked for.
+    #[error("the image has {} x {} pixels, expected {} x {}", got.0, got.1, expected.0, expected.1)]
+    WrongSize {
+        /// Its width and height.
+        got: (usize, usize),
+        /// The width and height asked for.
+        expected: (usize, usize),
+    },
+    /// A raw frame without all of its bytes.
+    #[error("the raw frame has {got} bytes, expected at least {expected}")]
+    Short {
+        /// Bytes of the frame.
+        got: usize,
+        /// Bytes that its format needs.
+        expected: usize,
+    },
+    /// A layout of raw frames that no frame can have.
+    #[error("a raw frame of {width} x {height} pixels ({pixels:?}) cannot have rows of {stride} bytes")]
+    SensorFormat {
+        /// Pixels across.
+        width: usize,
+        /// Pixels down.
+        height: usize,
+        /// Bytes a row.
+        stride: usize,
+        /// Order and subsampling.
+        pixels: SensorPixels,
+    },
+    /// An image that a JPEG cannot hold.
+    #[error("an image of {0} x {1} pixels does not fit into a JPEG")]
+    Encode(usize, usize),
 }
 
 /// Sample values as the file has them, red, green, blue interleaved, row by row from the top left.
@@ -44,36 +77,144 @@ pub struct Image {
 impl Image {
     /// Decodes a JPEG or PNG, told apart by its first bytes. A truncated file is an error, not half an image.
     pub fn decode(bytes: &[u8]) -> Result<Self, ImageError> {
-        match bytes {
-            [0xff, 0xd8, ..] => decode_jpeg(bytes),
-            [0x89, b'P', b'N', b'G', ..] => decode_png(bytes),
-            _ => Err(ImageError::UnknownFormat),
+        let mut decoder = ImageDecoder::default();
+        decoder.decode(bytes, None)?;
+        Ok(decoder.image)
+    }
+
+    /// A raw frame with 8 bits a sample, for people and files; [`SensorFormat::decode_rows`] is for measuring.
+    pub fn from_sensor(format: &SensorFormat, bytes: &[u8]) -> Result<Self, ImageError> {
+        let mut image = Self::empty();
+        format.decode_rows(bytes, 0..format.height, &mut image)?;
+        image.samples = Samples::Eight(image.samples.to_eight());
+        Ok(image)
+    }
+
+    /// Encodes it as a JPEG of a quality of 1 to 100, for people: what is measured should not go through a JPEG.
+    pub fn to_jpeg(&self, quality: u8) -> Result<Vec<u8>, ImageError> {
+        let refused = || ImageError::Encode(self.width, self.height);
+        let size = |n: usize| u16::try_from(n).ok().filter(|&n| n > 0).ok_or_else(refused);
+        let (width, height) = (size(self.width)?, size(self.height)?);
+        let scaled;
+        let samples = match &self.samples {
+            Samples::Eight(samples) => samples,
+            sixteen => {
+                scaled = sixteen.to_eight();
+                &scaled
+            }
+        };
+        if samples.len() != 3 * self.width * self.height {
+            return Err(refused());
+        }
+        let mut bytes = Vec::with_capacity(samples.len() / 8);
+        JpegEncoder::new_with_quality(&mut bytes, quality.clamp(1, 100))
+            .encode(samples, width.into(), height.into(), ExtendedColorType::Rgb8)
+            .map_err(|_| refused())?;
+        Ok(bytes)
+    }
+
+    /// An image without pixels, to decode into.
+    pub(crate) fn empty() -> Self {
+        Self { width: 0, height: 0, samples: Samples::Eight(Vec::new()) }
+    }
+
+    /// Makes this an image of 8 bits a sample, in the same buffer if it was one; its samples, to write to.
+    pub(crate) fn eight_mut(&mut self, width: usize, height: usize) -> &mut [u8] {
+        (self.width, self.height) = (width, height);
+        if matches!(self.samples, Samples::Sixteen(_)) {
+            self.samples = Samples::Eight(Vec::new());
+        }
+        match &mut self.samples {
+            Samples::Eight(samples) => {
+                samples.resize(3 * width * height, 0);
+                samples
+            }
+            Samples::Sixteen(_) => &mut [],
+        }
+    }
+
+    /// Makes this an image of 16 bits a sample, in the same buffer if it was one; its samples, to write to.
+    pub(crate) fn sixteen_mut(&mut self, width: usize, height: usize) -> &mut [u16] {
+        (self.width, self.height) = (width, height);
+        if matches!(self.samples, Samples::Eight(_)) {
+            self.samples = Samples::Sixteen(Vec::new());
+        }
+        match &mut self.samples {
+            Samples::Sixteen(samples) => {
+                samples.resize(3 * width * height, 0);
+                samples
+            }
+            Samples::Eight(_) => &mut [],
         }
     }
 }
 
-fn decode_jpeg(bytes: &[u8]) -> Result<Image, ImageError> {
-    // A JPEG that was cut off decodes to an image with a grey lower part: its end marker is what tells.
-    let padding = bytes.iter().rev().take_while(|&&b| b == 0).count();
-    if !bytes[..bytes.len() - padding].ends_with(&[0xff, 0xd9]) {
-        return Err(ImageError::Jpeg("cut off before its end marker".into()));
+impl Samples {
+    /// The samples rounded to 8 bits.
+    fn to_eight(&self) -> Vec<u8> {
+        match self {
+            Samples::Eight(samples) => samples.clone(),
+            // 65535 = 255 * 257.
+            Samples::Sixteen(samples) => samples.iter().map(|&s| ((u32::from(s) + 128) / 257) as u8).collect(),
+        }
     }
-    let options = DecoderOptions::default().set_strict_mode(true).jpeg_set_out_colorspace(ColorSpace::RGB);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    let samples = decoder.decode().map_err(|e| ImageError::Jpeg(one_line(&e)))?;
-    let (width, height) = decoder.dimensions().ok_or_else(|| ImageError::Jpeg("has no size".into()))?;
-    if samples.len() != 3 * width * height {
-        return Err(ImageError::Jpeg("not a colour or grey image".into()));
-    }
-    Ok(Image { width, height, samples: Samples::Eight(samples) })
 }
 
-fn decode_png(bytes: &[u8]) -> Result<Image, ImageError> {
-    use image::DynamicImage;
+/// Decodes frame after frame into the same buffers.
+#[derive(Debug, Clone)]
+pub struct ImageDecoder {
+    jpeg: JpegReader,
+    image: Image,
+}
 
+impl Default for ImageDecoder {
+    fn default() -> Self {
+        Self { jpeg: JpegReader::default(), image: Image::empty() }
+    }
+}
+
+impl ImageDecoder {
+    /// Decodes a JPEG or PNG. A truncated one is an error, not half an image, and so is one that does not have the size
+    /// (width, height) `expected`.
+    pub fn decode(&mut self, bytes: &[u8], expected: Option<(usize, usize)>) -> Result<&Image, ImageError> {
+        match bytes {
+            [0xff, 0xd8, ..] => self.jpeg.decode_into(bytes, expected, &mut self.image)?,
+            [0x89, b'P', b'N', b'G', ..] => self.image = decode_png(bytes, expected)?,
+            _ => return Err(ImageError::UnknownFormat),
+        }
+        Ok(&self.image)
+    }
+
+    /// Decodes `rows` of a raw frame, with 16 bits a sample; the image's other rows are left over from earlier frames.
+    pub fn decode_sensor(
+        &mut self,
+        format: &SensorFormat,
+        bytes: &[u8],
+        rows: Range<usize>,
+    ) -> Result<&Image, ImageError> {
+        format.decode_rows(bytes, rows, &mut self.image)?;
+        Ok(&self.image)
+    }
+}
+
+/// An error unless the sizes (width, height) agree.
+pub(super) fn same_size(got: (usize, usize), expected: Option<(usize, usize)>) -> Result<(), ImageError> {
+    match expected {
+        Some(expected) if got != expected => Err(ImageError::WrongSize { got, expected }),
+        _ => Ok(()),
+    }
+}
+
+fn decode_png(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<Image, ImageError> {
+    use image::{DynamicImage, ImageDecoder as _};
+
+    let broken = |e: image::ImageError| ImageError::Png(one_line(&e));
     let reader = image::ImageReader::with_format(Cursor::new(bytes), image::ImageFormat::Png);
-    let decoded = reader.decode().map_err(|e| ImageError::Png(one_line(&e)))?;
-    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+    let decoder = reader.into_decoder().map_err(broken)?;
+    let (width, height) = decoder.dimensions();
+    let (width, height) = (width as usize, height as usize);
+    same_size((width, height), expected)?;
+    let decoded = DynamicImage::from_decoder(decoder).map_err(broken)?;
     let samples = match decoded {
         DynamicImage::ImageLuma16(_)
         | DynamicImage::ImageLumaA16(_)
@@ -84,7 +225,7 @@ fn decode_png(bytes: &[u8]) -> Result<Image, ImageError> {
     Ok(Image { width, height, samples })
 }
 
-fn one_line(error: &dyn std::fmt::Display) -> String {
+pub(super) fn one_line(error: &dyn std::fmt::Display) -> String {
     error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
@@ -125,6 +266,17 @@ mod tests {
         for cut in [3, 20, JPEG.len() / 2, JPEG.len() - 1] {
             Image::decode(&JPEG[..cut]).expect_err("truncated");
         }
+    }
+
+    #[test]
+    fn an_encoded_image_is_the_image_again() {
+        let codes: Vec<u16> = (0..3 * 40 * 24).map(|k| 20_000 + 257 * (k / 40) as u16).collect();
+        let image = Image { width: 40, height: 24, samples: Samples::Sixteen(codes) };
+        let decoded = Image::decode(&image.to_jpeg(100).unwrap()).unwrap();
+        let (Samples::Eight(decoded), expected) = (decoded.samples, image.samples.to_eight()) else { unreachable!() };
+        assert!(decoded.iter().zip(expected).all(|(&d, e)| d.abs_diff(e) <= 2));
+        assert!(image.to_jpeg(30).unwrap().len() < image.to_jpeg(90).unwrap().len());
+        Image::empty().to_jpeg(90).expect_err("no pixels");
     }
 
     proptest! {

@@ -3,6 +3,7 @@
 pub mod camera;
 mod clock;
 pub mod image;
+mod jpeg;
 #[cfg_attr(not(feature = "v4l2"), allow(dead_code))]
 mod pool;
 pub mod recording;
