@@ -47,6 +47,7 @@ struct Shared {
     hub: Arc<Hub>,
     control: Control,
     pictures: Arc<Pictures>,
+    encoded: Arc<frame::Encoded>,
     clients: Arc<AtomicUsize>,
     /// Turns true when the server ends: open sockets would hold it up for ever.
     ending: watch::Receiver<bool>,
@@ -92,7 +93,8 @@ impl Server {
     ) -> Result<(), ServerError> {
         let (tell, ending) = watch::channel(false);
         let mut told = ending.clone();
-        let shared = Shared { hub, control, pictures: Arc::default(), clients: Arc::default(), ending };
+        let shared =
+            Shared { hub, control, pictures: Arc::default(), encoded: Arc::default(), clients: Arc::default(), ending };
         let serving = axum::serve(self.listener, routes(shared)).with_graceful_shutdown(async move {
             // An error would mean that nobody is left to tell.
             let _ = told.wait_for(|&e| e).await;
