@@ -169,6 +169,7 @@ fn write(scene: &Scene, src: &Path, out: &Path) -> Result<(), ImportError> {
         size: Some(size),
         doorway: Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None },
         floor_points: Vec::new(),
+        lens: None,
         fov_m: Some(scene.fov_m),
         background_frames: Some([0, 1]),
         notes: scene.notes.clone(),

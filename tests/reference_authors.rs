@@ -119,7 +119,7 @@ fn the_difference_is_the_one_that_the_authors_solved_for() {
             let mut patch = Patch::zeros(64);
             PatchResampler::new((image.width, image.height), fraction, 64, Filter::Bicubic).apply(
                 &image,
-                &LightTable::new(Decoding::Published),
+                &LightTable::new(&Decoding::Published),
                 &mut patch,
             );
             patch

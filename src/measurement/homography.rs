@@ -19,6 +19,7 @@ pub enum HomographyError {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Homography {
     matrix: Matrix3<f64>,
+    inverse: Matrix3<f64>,
     /// 1 or −1, so that points in front of the camera have a positive third coordinate.
     front: f64,
 }
@@ -63,12 +64,19 @@ impl Homography {
         if points.iter().any(|(floor, _)| front * depth(floor) <= 0.0) {
             return Err(HomographyError::Degenerate);
         }
-        Ok(Self { matrix, front })
+        let inverse = matrix.try_inverse().ok_or(HomographyError::Degenerate)?;
+        Ok(Self { matrix, inverse, front })
     }
 
     /// Where a floor position is in the image; none if it is not in front of the camera.
     pub fn project(&self, floor: Point) -> Option<Point> {
         let v = self.matrix * Vector3::new(floor[0], floor[1], 1.0) * self.front;
+        (v[2] > 0.0).then(|| [v[0] / v[2], v[1] / v[2]])
+    }
+
+    /// The floor position at an image position; none at and above the horizon.
+    pub fn floor(&self, pixel: Point) -> Option<Point> {
+        let v = self.inverse * Vector3::new(pixel[0], pixel[1], 1.0) * self.front;
         (v[2] > 0.0).then(|| [v[0] / v[2], v[1] / v[2]])
     }
 }

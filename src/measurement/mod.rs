@@ -2,8 +2,11 @@
 
 mod albedo;
 mod background;
+mod calibration;
+mod camera;
 mod drift;
 mod homography;
+mod lens;
 mod mask;
 mod noise;
 mod patch;
@@ -14,12 +17,15 @@ mod texture;
 
 pub use albedo::{Floor, light_window};
 pub use background::Background;
+pub use calibration::{Calibration, CalibrationError};
+pub use camera::Camera;
 pub use drift::drift_patterns;
 pub use homography::{Homography, HomographyError};
+pub use lens::{LensError, LensMap};
 pub use mask::edge_foot_mask;
 pub use noise::NoiseModel;
 pub use patch::{Patch, PatchPair};
-pub use radiometry::{Decoding, LightTable, srgb_to_linear};
+pub use radiometry::{Decoding, LightTable};
 pub use rectify::{CameraRectifier, PatchRectifier, WrongSize};
 pub use resample::{Filter, PatchResampler};
 pub use texture::texture_strength;

@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use super::homography::Homography;
-use super::{Filter, LightTable, Patch, PatchPair, PatchResampler};
+use super::{Camera, Filter, LightTable, Patch, PatchPair, PatchResampler};
 use crate::geometry::{Doorway, Side};
 use crate::source::image::Image;
 use crate::transport::PatchGrid;
@@ -64,9 +63,9 @@ struct Taps {
 }
 
 impl CameraRectifier {
-    /// For images of `image_size` (width, height) from a camera that sees the floor through `homography`.
-    pub fn new(doorway: &Doorway, patch: &PatchGrid, homography: &Homography, image_size: (usize, usize)) -> Self {
-        let taps = Side::BOTH.map(|side| Taps::new(doorway, patch, side, homography, image_size));
+    /// For images of `image_size` (width, height) from `camera`.
+    pub fn new(doorway: &Doorway, patch: &PatchGrid, camera: &Camera, image_size: (usize, usize)) -> Self {
+        let taps = Side::BOTH.map(|side| Taps::new(doorway, patch, side, camera, image_size));
         Self { image_size, taps }
     }
 
@@ -112,13 +111,7 @@ impl CameraRectifier {
 }
 
 impl Taps {
-    fn new(
-        doorway: &Doorway,
-        patch: &PatchGrid,
-        side: Side,
-        homography: &Homography,
-        (width, height): (usize, usize),
-    ) -> Self {
+    fn new(doorway: &Doorway, patch: &PatchGrid, side: Side, camera: &Camera, (width, height): (usize, usize)) -> Self {
         let mut taps = Taps { start: vec![0], pixel: Vec::new(), weight: Vec::new() };
         let cell = patch.fov_m / patch.size as f64;
         let corner = [doorway.edge(side)[0] - patch.fov_m / 2.0, -doorway.wall_thickness_m];
@@ -132,7 +125,7 @@ impl Taps {
                     corner[0] + (column as f64 + within(s % SUBSAMPLES)) * cell,
                     corner[1] - (row as f64 + within(s / SUBSAMPLES)) * cell,
                 ];
-                homography.project(floor).is_some_and(|at| bilinear(at, width, height, &mut found))
+                camera.project(floor).is_some_and(|at| bilinear(at, width, height, &mut found))
             });
             if whole {
                 found.sort_unstable_by_key(|&(pixel, _)| pixel);
@@ -183,7 +176,7 @@ fn bilinear([u, v]: [f64; 2], width: usize, height: usize, out: &mut Vec<(u32, f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measurement::Decoding;
+    use crate::measurement::{Decoding, Homography};
     use crate::source::image::Samples;
     use crate::source::recording::Transfer;
     use crate::transport::PixelLayout;
@@ -199,7 +192,7 @@ mod tests {
     fn rectifier() -> CameraRectifier {
         let corners = [[-0.5, -0.1], [0.5, -0.1], [0.5, -0.4], [-0.5, -0.4]];
         let homography = Homography::fit(&corners.map(|c| (c, overhead(c)))).unwrap();
-        CameraRectifier::new(&DOORWAY, &PATCH, &homography, (600, 200))
+        CameraRectifier::new(&DOORWAY, &PATCH, &Camera::new(homography, None), (600, 200))
     }
 
     #[test]
@@ -209,7 +202,7 @@ mod tests {
         let samples = (0..200).flat_map(|v| (0..600).flat_map(move |u| code(u, v))).collect();
         let image = Image { width: 600, height: 200, samples: Samples::Sixteen(samples) };
         let mut pair = PatchPair::zeros(16);
-        rectifier().apply(&image, &LightTable::new(Decoding::Light(Transfer::Linear)), &mut pair).unwrap();
+        rectifier().apply(&image, &LightTable::new(&Decoding::Light(Transfer::Linear)), &mut pair).unwrap();
         for side in Side::BOTH {
             for (row, column) in [(0, 0), (3, 12), (15, 15)] {
                 let [u, v] = overhead(PATCH.point(&DOORWAY, side, row, column));
@@ -230,13 +223,13 @@ mod tests {
             [u - 150.0, v]
         };
         let homography = Homography::fit(&corners.map(|c| (c, shifted(c)))).unwrap();
-        let narrow = CameraRectifier::new(&DOORWAY, &PATCH, &homography, (600, 200));
+        let narrow = CameraRectifier::new(&DOORWAY, &PATCH, &Camera::new(homography, None), (600, 200));
         let [left, right] = narrow.visible();
         // The left patch spans image columns -75 .. 75 of the shifted camera.
         assert_eq!(left.iter().filter(|&&seen| seen).count(), 16 * 8);
         assert!(right.iter().all(|&seen| seen));
         let small = Image { width: 2, height: 2, samples: Samples::Eight(vec![0; 12]) };
-        let table = LightTable::new(Decoding::Light(Transfer::Srgb));
+        let table = LightTable::new(&Decoding::Light(Transfer::Srgb));
         narrow.apply(&small, &table, &mut PatchPair::zeros(16)).expect_err("wrong size");
     }
 

@@ -166,7 +166,7 @@ mod tests {
         let mut patch = Patch::zeros(size);
         PatchResampler::new((image.width, image.height), fraction, size, filter).apply(
             image,
-            &LightTable::new(Decoding::Light(Transfer::Linear)),
+            &LightTable::new(&Decoding::Light(Transfer::Linear)),
             &mut patch,
         );
         patch

@@ -4,9 +4,9 @@ use std::time::{Duration, Instant};
 use super::{Model, SetupError};
 use crate::config::{Config, Preset};
 use crate::geometry::Side;
-use crate::measurement::{CameraRectifier, Decoding, Filter, Homography, LightTable, PatchPair, PatchRectifier};
+use crate::measurement::{Calibration, CameraRectifier, Decoding, Filter, LightTable, PatchPair, PatchRectifier};
 use crate::source::image::ImageDecoder;
-use crate::source::recording::{Layout, Manifest};
+use crate::source::recording::{Manifest, Transfer};
 use crate::source::{RawFrame, RawImages, SkippedFrame};
 use crate::transport::PatchGrid;
 
@@ -35,34 +35,40 @@ pub struct ReadTimes {
 impl FrameReader {
     /// For the frames of a recording.
     pub fn for_recording(config: &Config, manifest: &Manifest) -> Result<Self, SetupError> {
-        let (decoding, filter) = match config.preset {
-            Some(Preset::Published) => (Decoding::Published, Filter::Bicubic),
-            None => (Decoding::Light(manifest.transfer), Filter::Area),
+        if let Some(calibration) = Calibration::of_recording(manifest) {
+            return Self::for_calibration(config, &calibration);
+        }
+        let patch = Model::patch_grid(config, manifest.fov_m);
+        let filter = match config.preset {
+            Some(Preset::Published) => Filter::Bicubic,
+            None => Filter::Area,
         };
-        let patch = Model::patch_grid(config, manifest.fov_m.filter(|_| manifest.layout == Layout::Patches));
-        let rectifier = match manifest.layout {
-            Layout::Patches => {
-                let rectifier = PatchRectifier::new(&patch, manifest.fov_m.unwrap_or(patch.fov_m), filter);
-                Rectifier::Patches([rectifier.clone(), rectifier])
-            }
-            Layout::Camera => {
-                let points: Vec<_> = manifest.floor_points.iter().map(|p| (p.floor_m, p.pixel)).collect();
-                let homography = Homography::fit(&points)?;
-                let [width, height] = manifest.size.unwrap_or_default();
-                let camera = CameraRectifier::new(&manifest.doorway, &patch, &homography, (width, height));
-                let rows = camera.rows();
-                Rectifier::Camera(camera, rows)
-            }
-        };
-        let reader = Self { decoder: ImageDecoder::default(), table: LightTable::new(decoding), rectifier, patch };
-        for (side, seen) in Side::BOTH.into_iter().zip(reader.seen().into_iter().flatten()) {
+        let rectifier = PatchRectifier::new(&patch, manifest.fov_m.unwrap_or(patch.fov_m), filter);
+        Ok(Self::new(config, &manifest.transfer, Rectifier::Patches([rectifier.clone(), rectifier]), patch))
+    }
+
+    /// For the frames of a calibrated camera.
+    pub fn for_calibration(config: &Config, calibration: &Calibration) -> Result<Self, SetupError> {
+        let patch = Model::patch_grid(config, None);
+        let [width, height] = calibration.size;
+        let camera = CameraRectifier::new(&calibration.doorway, &patch, &calibration.camera()?, (width, height));
+        for (side, seen) in Side::BOTH.into_iter().zip(camera.visible()) {
             let count = seen.iter().filter(|&&s| s).count();
             if 2 * count < seen.len() {
                 let (side, all, fov_m) = (side.name(), seen.len(), patch.fov_m);
                 return Err(SetupError::PatchNotSeen { side, seen: count, all, fov_m });
             }
         }
-        Ok(reader)
+        let rows = camera.rows();
+        Ok(Self::new(config, calibration.transfer(), Rectifier::Camera(camera, rows), patch))
+    }
+
+    fn new(config: &Config, transfer: &Transfer, rectifier: Rectifier, patch: PatchGrid) -> Self {
+        let decoding = match config.preset {
+            Some(Preset::Published) => Decoding::Published,
+            None => Decoding::Light(transfer.clone()),
+        };
+        Self { decoder: ImageDecoder::default(), table: LightTable::new(&decoding), rectifier, patch }
     }
 
     /// The patches that it makes.
@@ -119,5 +125,83 @@ impl FrameReader {
             }
         }
         Ok(times)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::source::Purpose;
+    use crate::source::sensor::{LumaMatrix, SensorFormat, SensorPixels};
+
+    const FORMAT: SensorFormat = SensorFormat {
+        pixels: SensorPixels::Yuyv,
+        width: 600,
+        height: 200,
+        stride: 1200,
+        full_range: true,
+        matrix: LumaMatrix::Bt601,
+    };
+
+    /// A camera that looks straight down: 500 pixels a metre.
+    fn calibration() -> Calibration {
+        serde_json::from_str(
+            r#"{"size": [600, 200], "doorway": {"width_m": 0.6, "wall_thickness_m": 0.1}, "transfer": "linear",
+                "floor_points": [{"pixel": [50, 20], "floor_m": [-0.5, -0.1]}, {"pixel": [550, 20], "floor_m": [0.5, -0.1]},
+                    {"pixel": [550, 170], "floor_m": [0.5, -0.4]}, {"pixel": [50, 170], "floor_m": [-0.5, -0.4]}]}"#,
+        )
+        .unwrap()
+    }
+
+    fn frame(images: RawImages) -> RawFrame {
+        RawFrame { index: None, purpose: Purpose::Live, seconds: 0.0, images, time: None, name: "camera".into() }
+    }
+
+    #[test]
+    fn raw_and_encoded_frames_of_one_scene_agree() {
+        let mut reader = FrameReader::for_calibration(&Config::default(), &calibration()).unwrap();
+        // Luma grows along the rows, no colour.
+        let raw: Vec<u8> = (0..1200 * 200).map(|k| if k % 2 == 0 { (k % 1200 / 8 + 50) as u8 } else { 128 }).collect();
+        let grey = raw.chunks(2).flat_map(|pair| [pair[0]; 3]).collect();
+        let buffer = image::ImageBuffer::from_raw(600, 200, grey).unwrap();
+        let mut png = std::io::Cursor::new(Vec::new());
+        image::DynamicImage::ImageRgb8(buffer).write_to(&mut png, image::ImageFormat::Png).unwrap();
+
+        let (mut from_raw, mut from_png) = (PatchPair::zeros(64), PatchPair::zeros(64));
+        reader.read(&frame(RawImages::Sensor(FORMAT, Arc::new(raw))), &mut from_raw).unwrap();
+        reader.read(&frame(RawImages::Camera(Arc::new(png.into_inner()))), &mut from_png).unwrap();
+        for side in Side::BOTH {
+            let pairs = from_raw.side(side).data().iter().zip(from_png.side(side).data());
+            assert!(pairs.clone().all(|(a, b)| (a - b).abs() < 2e-5 && *a > 0.1));
+        }
+    }
+
+    #[test]
+    fn a_frame_that_is_not_whole_or_not_this_cameras_is_skipped_with_a_reason() {
+        let mut reader = FrameReader::for_calibration(&Config::default(), &calibration()).unwrap();
+        let mut reason = |images| {
+            let skipped = reader.read(&frame(images), &mut PatchPair::zeros(64)).expect_err("skipped");
+            skipped.to_string()
+        };
+        assert_eq!(
+            reason(RawImages::Sensor(FORMAT, Arc::new(vec![0; 239_999]))),
+            "camera: the raw frame has 239999 bytes, expected at least 240000"
+        );
+        let small = SensorFormat { width: 2, height: 2, stride: 4, ..FORMAT };
+        assert_eq!(
+            reason(RawImages::Sensor(small, Arc::new(vec![0; 8]))),
+            "camera: the image has 2 x 2 pixels, expected 600 x 200"
+        );
+        let jpeg = include_bytes!("../source/testdata/grey16.jpg");
+        assert_eq!(
+            reason(RawImages::Camera(Arc::new(jpeg.to_vec()))),
+            "camera: the image has 16 x 16 pixels, expected 600 x 200"
+        );
+        assert_eq!(
+            reason(RawImages::Camera(Arc::new(jpeg[..300].to_vec()))),
+            "camera: broken JPEG: cut off before its end marker"
+        );
     }
 }

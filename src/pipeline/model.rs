@@ -12,9 +12,9 @@ pub enum SetupError {
     /// Doorway, room and grid do not fit together.
     #[error(transparent)]
     Geometry(#[from] GeometryError),
-    /// The recording's floor points do not fix the floor.
+    /// The calibration does not fix the camera.
     #[error(transparent)]
-    Homography(#[from] crate::measurement::HomographyError),
+    Calibration(#[from] crate::measurement::CalibrationError),
     /// Too much of a patch is excluded.
     #[error("patch.exclude leaves {count} pixels of the {side} patch, expected at least {least}")]
     PatchExcluded {

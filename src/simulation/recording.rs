@@ -121,6 +121,7 @@ fn manifest(scenario: &Scenario, frames: u64, seed: u64) -> Manifest {
         size: Some([scenario.patch.size; 2]),
         doorway: scenario.doorway,
         floor_points: Vec::new(),
+        lens: None,
         fov_m: Some(scenario.patch.fov_m),
         background_frames: Some([0, scenario.background_frames.min(frames)]),
         notes: format!(

@@ -4,6 +4,7 @@ pub mod camera;
 mod clock;
 pub mod image;
 mod jpeg;
+mod optics;
 #[cfg_attr(not(feature = "v4l2"), allow(dead_code))]
 mod pool;
 pub mod recording;

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+pub use super::optics::{FloorPoint, Lens, Transfer, TransferError};
 use super::{Purpose, SourceError};
-use crate::geometry::{Doorway, Point, Side};
+use crate::geometry::{Doorway, Side};
 
 /// `recording.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -25,6 +26,9 @@ pub struct Manifest {
     /// Layout camera: image positions of known floor positions, at least four.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub floor_points: Vec<FloorPoint>,
+    /// Layout camera: the lens's distortion; none if straight lines look straight.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens: Option<Lens>,
     /// Layout patches: side of the square of floor that each image shows, in metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fov_m: Option<f64>,
@@ -36,16 +40,6 @@ pub struct Manifest {
     pub notes: String,
 }
 
-/// The transfer function with which a recording's images are encoded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Transfer {
-    /// IEC 61966-2-1.
-    Srgb,
-    /// Codes are proportional to light.
-    Linear,
-}
-
 /// What the images of a recording show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -54,15 +48,6 @@ pub enum Layout {
     Camera,
     /// Rectified patches: a left and a right image a frame.
     Patches,
-}
-
-/// An image position whose place on the floor is known.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct FloorPoint {
-    /// (u, v), in pixels; (0, 0) is the centre of the top-left pixel.
-    pub pixel: Point,
-    /// (x, y) in the door frame, in metres.
-    pub floor_m: Point,
 }
 
 /// The image files of one frame.
@@ -156,6 +141,7 @@ impl Manifest {
         };
         positive("fps", self.fps, "frames a second")?;
         self.doorway.validate().map_err(|e| e.to_string())?;
+        self.transfer.validate().map_err(|e| e.to_string())?;
         if let Some([first, end]) = self.background_frames.filter(|[first, end]| first >= end) {
             return Err(format!("background_frames is [{first}, {end}], expected [first, end) with first < end"));
         }
@@ -296,7 +282,7 @@ mod tests {
 
     const MANIFEST: &str = r#"{"fps": 5, "layout": "patches", "transfer": "linear", "size": [64, 64],
         "doorway": {"width_m": 0.9, "wall_thickness_m": 0.1, "height_m": null}, "fov_m": 0.15,
-        "background_frames": [0, 2], "notes": "x", "lens": {"k1": 0}}"#;
+        "background_frames": [0, 2], "notes": "x", "shutter": {"open": 0}}"#;
 
     fn folder(manifest: &str, names: &[&str]) -> tempfile::TempDir {
         let dir = tempfile::tempdir().unwrap();
@@ -326,7 +312,7 @@ mod tests {
         ];
         let dir = folder(MANIFEST, &names);
         let recording = Recording::open(dir.path()).unwrap();
-        assert_eq!(recording.unknown_keys, ["lens"]);
+        assert_eq!(recording.unknown_keys, ["shutter"]);
         let at = |n: &str| dir.path().join("frames").join(n);
         let files: Vec<_> = recording.frames.iter().map(|f| (f.index, f.seconds, f.files.clone())).collect();
         assert_eq!(
@@ -369,6 +355,15 @@ mod tests {
         assert_eq!(
             with("0.9", "\"wide\""),
             "DIR/recording.json: doorway.width_m: invalid type: string \"wide\", expected f64 at line 2 column 37"
+        );
+        assert_eq!(
+            with("\"linear\"", "{\"gamma\": -2.2}"),
+            "DIR/recording.json: transfer.gamma is -2.2, expected a number above 0"
+        );
+        assert_eq!(
+            with("\"linear\"", "\"rec709\""),
+            "DIR/recording.json: transfer: unknown variant `rec709`, expected one of `srgb`, `linear`, `gamma`, `curve` at \
+             line 1 column 52"
         );
         assert_eq!(
             with(", \"fov_m\": 0.15", ""),

@@ -62,6 +62,7 @@ pub fn manifest() -> Manifest {
         size: Some([16, 16]),
         doorway: published_doorway(),
         floor_points: Vec::new(),
+        lens: None,
         fov_m: Some(0.15),
         background_frames: Some([0, 2]),
         notes: "made by a test".into(),
