@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Camera, Homography, HomographyError, LensError, LensMap};
+use super::{Camera, FloorFit, HomographyError, LensError, LensMap};
 use crate::geometry::{Doorway, GeometryError};
 use crate::source::recording::{FloorPoint, Layout, Lens, Manifest, Transfer, TransferError};
 
@@ -66,24 +66,19 @@ impl Calibration {
 
     /// The camera, from the floor points.
     pub fn camera(&self) -> Result<Camera, CalibrationError> {
-        let lens = self.validated_lens()?;
-        let ideal = |pixel| lens.as_ref().map_or(Some(pixel), |lens: &LensMap| lens.undistort(pixel));
-        let points = self
-            .floor_points
-            .iter()
-            .map(|p| Some((p.floor_m, ideal(p.pixel)?)))
-            .collect::<Option<Vec<_>>>()
-            .ok_or(HomographyError::NotFinite)?;
-        Ok(Camera::new(Homography::fit(&points)?, lens))
+        self.doorway.validate()?;
+        self.transfer().validate()?;
+        let lens = self.lens_map()?;
+        let fit = FloorFit::new(&self.floor_points, lens.as_ref());
+        let fit = fit.map_err(|e| FloorFit::culprit(&self.floor_points, lens.as_ref()).unwrap_or(e))?;
+        fit.contradiction(self.size[0]).map_or_else(|| Ok(fit.camera().clone()), |e| Err(e.into()))
     }
 
-    /// Checks everything but the floor points.
-    fn validated_lens(&self) -> Result<Option<LensMap>, CalibrationError> {
+    /// The lens, if it distorts.
+    pub(super) fn lens_map(&self) -> Result<Option<LensMap>, CalibrationError> {
         if self.size.iter().any(|n| !(1..=LARGEST_SIDE).contains(n)) {
             return Err(CalibrationError::Size(self.size));
         }
-        self.doorway.validate()?;
-        self.transfer().validate()?;
         Ok(self.lens.map(|lens| LensMap::new(&lens, self.size)).transpose()?)
     }
 }
@@ -141,5 +136,6 @@ mod tests {
         assert!(error(|c| c.transfer = Some(Transfer::Gamma(0.0))).starts_with("transfer.gamma is 0"));
         assert!(error(|c| c.lens = Some(Lens { k1: -9.0, k2: 0.0, focal_px: None })).starts_with("lens.k1 = -9"));
         assert!(error(|c| c.floor_points.truncate(3)).starts_with("floor_points"));
+        assert!(error(|c| c.floor_points.iter_mut().for_each(|p| p.floor_m[0] *= -1.0)).contains("mirrored"));
     }
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::{Camera, Filter, LightTable, Patch, PatchPair, PatchResampler};
-use crate::geometry::{Doorway, Side};
+use crate::geometry::{Doorway, Point, Side};
 use crate::source::image::Image;
 use crate::transport::PatchGrid;
 
@@ -144,6 +144,36 @@ impl Taps {
         }
         taps
     }
+}
+
+/// Per pixel of a patch, whether the camera sees the whole of its square.
+pub(super) fn seen_cells(
+    doorway: &Doorway,
+    patch: &PatchGrid,
+    side: Side,
+    camera: &Camera,
+    (width, height): (usize, usize),
+) -> Vec<bool> {
+    let n = patch.size;
+    let within = |at: f64, size: usize| (-0.5..=size as f64 - 0.5).contains(&at);
+    let corners: Vec<bool> = (0..(n + 1) * (n + 1))
+        .map(|k| {
+            let seen = camera.project(corner(doorway, patch, side, k / (n + 1), k % (n + 1)));
+            seen.is_some_and(|[u, v]| within(u, width) && within(v, height))
+        })
+        .collect();
+    let whole = |k: usize| {
+        let first = k / n * (n + 1) + k % n;
+        [first, first + 1, first + n + 1, first + n + 2].iter().all(|&c| corners[c])
+    };
+    (0..patch.pixels()).map(whole).collect()
+}
+
+/// The corner nearest the wall and with the smallest x of a patch pixel's square of floor, in metres in the door frame; the
+/// last row and column are followed by one more.
+fn corner(doorway: &Doorway, patch: &PatchGrid, side: Side, row: usize, column: usize) -> Point {
+    let along = |k: usize| k as f64 / patch.size as f64;
+    [doorway.edge(side)[0] + (along(column) - 0.5) * patch.fov_m, -doorway.wall_thickness_m - along(row) * patch.fov_m]
 }
 
 /// Adds the four pixels around an image position with their weights; false if it is outside the image.
