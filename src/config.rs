@@ -1,7 +1,7 @@
 //! The configuration file: every key, its default and its range. `config/doorcam.toml` shows them all.
 
 use std::net::SocketAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -10,6 +10,7 @@ use crate::geometry::{GridSpec, Point, Room};
 use crate::scene::Brightness;
 use crate::solver::ModelKind;
 use crate::source::camera::{CameraOptions, ControlSettings, PixelFormat, Setting, Wish};
+use crate::source::recording::{Lens, Transfer};
 use crate::transport::Kernel;
 
 /// A configuration that cannot be used: one line that names the file, the line or key, and what was expected.
@@ -23,6 +24,8 @@ pub struct ConfigError(String);
 pub struct Config {
     /// Where doorcam listens.
     pub server: ServerConfig,
+    /// What is kept between runs.
+    pub storage: StorageConfig,
     /// The camera.
     pub camera: CameraConfig,
     /// The hidden room that the map covers.
@@ -56,6 +59,28 @@ impl Default for ServerConfig {
     }
 }
 
+/// `[storage]`
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StorageConfig {
+    /// Directory of the calibration and the learned background; empty for the usual place.
+    pub directory: PathBuf,
+}
+
+impl StorageConfig {
+    /// The directory: as configured, else the service manager's (`$STATE_DIRECTORY`), else the user's
+    /// (`$XDG_STATE_HOME/doorcam`, `~/.local/state/doorcam`); none if there is no home either.
+    pub fn directory(&self) -> Option<PathBuf> {
+        let variable = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+        if !self.directory.as_os_str().is_empty() {
+            return Some(self.directory.clone());
+        }
+        variable("STATE_DIRECTORY")
+            .or_else(|| variable("XDG_STATE_HOME").map(|state| state.join("doorcam")))
+            .or_else(|| variable("HOME").map(|home| home.join(".local/state/doorcam")))
+    }
+}
+
 /// `[camera]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -78,6 +103,12 @@ pub struct CameraConfig {
     pub power_line: Setting,
     /// How long automatics run before they are locked.
     pub settle_s: f64,
+    /// How the camera encodes light.
+    pub transfer: Transfer,
+    /// k1 and k2 of the lens.
+    pub distortion: [f64; 2],
+    /// Focal length that goes with `distortion`, in pixels; 0: the width of the image.
+    pub focal_px: f64,
 }
 
 impl Default for CameraConfig {
@@ -92,11 +123,21 @@ impl Default for CameraConfig {
             focus: Setting::Lock,
             power_line: Setting::Leave,
             settle_s: 2.0,
+            transfer: Transfer::Srgb,
+            distortion: [0.0; 2],
+            focal_px: 0.0,
         }
     }
 }
 
 impl CameraConfig {
+    /// The lens, if it distorts.
+    pub fn lens(&self) -> Option<Lens> {
+        let [k1, k2] = self.distortion;
+        let focal_px = (self.focal_px > 0.0).then_some(self.focal_px);
+        (self.distortion != [0.0; 2]).then_some(Lens { k1, k2, focal_px })
+    }
+
     /// What to ask the camera for; of what arrives late, only the newest frame.
     pub fn options(&self) -> CameraOptions {
         CameraOptions {
@@ -347,6 +388,11 @@ impl Config {
             return Err(ConfigError(format!("camera.formats is empty, expected some of {all}")));
         }
         within("camera.settle_s", self.camera.settle_s, 0.0, 600.0, "seconds")?;
+        self.camera.transfer.validate().map_err(|e| ConfigError(format!("camera.{e}")))?;
+        for k in self.camera.distortion {
+            within("camera.distortion", k, -10.0, 10.0, "(k1 and k2)")?;
+        }
+        within("camera.focal_px", self.camera.focal_px, 0.0, 1e5, "pixels")?;
         within("room.half_width_m", self.room.half_width_m, 0.1, 100.0, "metres")?;
         within("room.depth_m", self.room.depth_m, 0.1, 100.0, "metres")?;
         within("grid.angular_step_deg", self.grid.angular_step_deg, 0.5, 20.0, "degrees")?;

@@ -11,6 +11,7 @@
 
 pub mod analysis;
 pub mod config;
+mod files;
 pub mod geometry;
 pub mod import;
 pub mod measurement;

@@ -184,3 +184,23 @@ fn a_client_that_does_not_listen_does_not_hold_up_the_end() {
     assert_eq!(code, Some(0));
     assert!(took < Duration::from_secs(4), "{took:?}");
 }
+
+#[test]
+fn figures_are_there_for_prometheus() {
+    let dir = recording(9);
+    let daemon = Daemon::start(&format!("replay:{}", dir.path().display()), &[]);
+    daemon.wait_for("the end", |s| s["source"]["state"] == "ended");
+    let (status, body) = daemon.get("/metrics");
+    let text = String::from_utf8(body).expect("UTF-8");
+    assert_eq!(status, 200);
+    let value = |name: &str| -> f64 {
+        let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+        line.unwrap_or_else(|| panic!("{name} in {text}")).parse().expect("a number")
+    };
+    assert_eq!(value("doorcam_frames_captured_total"), 9.0);
+    assert_eq!(value("doorcam_frames_lost_total"), 0.0);
+    assert_eq!(value("doorcam_source_state{state=\"ended\"}"), 1.0);
+    assert_eq!(value("doorcam_source_state{state=\"streaming\"}"), 0.0);
+    assert_eq!(value("doorcam_state{state=\"watching\"}"), 1.0);
+    assert_eq!(value("doorcam_stage_seconds_count{stage=\"solve\"}"), value("doorcam_frames_solved_total"));
+}

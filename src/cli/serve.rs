@@ -1,12 +1,15 @@
 use std::net::SocketAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::{Context, bail};
 use doorcam::config::Config;
-use doorcam::pipeline::{Engine, Hub, SourceInfo, start};
-use doorcam::server::Server;
+use doorcam::measurement::Calibration;
+use doorcam::pipeline::{CalibrationStore, Calibrator, Engine, Hub, Keeping, Setup, SourceInfo, start};
+use doorcam::server::{Backend, Server};
 use doorcam::source::{Replay, ReplayOptions, Source, SystemClock};
+use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::source::{self, SourceKind, SourceSpec};
@@ -27,6 +30,12 @@ pub(super) struct Arguments {
     /// Address and port to listen on; port 0 takes a free one [default: 127.0.0.1:8080]
     #[arg(long, value_name = "ADDR:PORT")]
     listen: Option<SocketAddr>,
+    /// The camera's calibration, made on the page and kept there [default: calibration.json in the storage directory]
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
+    /// Directory of what is kept between runs: one a doorway [default: storage.directory of the configuration]
+    #[arg(long, value_name = "DIR")]
+    storage: Option<PathBuf>,
     #[command(flatten)]
     model: ModelOptions,
 }
@@ -35,15 +44,21 @@ pub(super) struct Arguments {
 struct Watch {
     source: Box<dyn Source>,
     engine: Option<Engine>,
+    calibration: Option<Calibration>,
+    keeping: Keeping,
     info: SourceInfo,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let config = arguments.model.config()?;
+    let mut config = arguments.model.config()?;
+    if let Some(directory) = &arguments.storage {
+        config.storage.directory.clone_from(directory);
+    }
+    let file = arguments.calibration.as_deref();
     let SourceSpec { text, kind } = &arguments.source;
     let watch = match kind {
-        SourceKind::Replay(directory, options) => replay(&config, directory, *options, text)?,
-        SourceKind::Camera(name) => camera(&config, name, text)?,
+        SourceKind::Replay(directory, options) => replay(&config, directory, *options, text, file)?,
+        SourceKind::Camera(name) => camera(&config, name, text, file)?,
     };
     serve(&config, watch, arguments.listen)
 }
@@ -56,15 +71,38 @@ pub(super) fn serve_recording(
     spec: &str,
     listen: Option<SocketAddr>,
 ) -> anyhow::Result<()> {
-    serve(config, replay(config, directory, options, spec)?, listen)
+    serve(config, replay(config, directory, options, spec, None)?, listen)
 }
 
-fn replay(config: &Config, directory: &Path, options: ReplayOptions, spec: &str) -> anyhow::Result<Watch> {
-    let recording = Arc::new(open_recording(directory)?);
+fn replay(
+    config: &Config,
+    directory: &Path,
+    options: ReplayOptions,
+    spec: &str,
+    file: Option<&Path>,
+) -> anyhow::Result<Watch> {
+    let mut recording = open_recording(directory)?;
     if recording.manifest.background_frames.is_none() {
         let manifest = directory.join("recording.json");
         bail!("{}: background_frames is missing, expected [first, end) of the empty room", manifest.display());
     }
+    let own = Calibration::of_recording(&recording.manifest);
+    let keeping = match (file, &own) {
+        (Some(file), Some(_)) => Keeping::File(CalibrationStore::new(file.into())),
+        (Some(file), None) => bail!("{}: a recording of rectified patches needs no calibration", file.display()),
+        (None, Some(_)) => Keeping::Fixed(
+            "a recording brings its own calibration; start doorcam with --calibration FILE to make another".into(),
+        ),
+        (None, None) => Keeping::Fixed("a recording of rectified patches needs no calibration".into()),
+    };
+    let kept = match &keeping {
+        Keeping::File(store) => store.load()?,
+        Keeping::Fixed(_) => None,
+    };
+    if let Some(kept) = &kept {
+        kept.apply_to(&mut recording.manifest);
+    }
+    let recording = Arc::new(recording);
     let (engine, _) = engine(config, &recording, true)?;
     let info = SourceInfo {
         spec: spec.into(),
@@ -73,29 +111,54 @@ fn replay(config: &Config, directory: &Path, options: ReplayOptions, spec: &str)
         fps: recording.manifest.fps,
     };
     let source = Box::new(Replay::new(recording, options, SystemClock::default()));
-    Ok(Watch { source, engine: Some(engine), info })
+    Ok(Watch { source, engine: Some(engine), calibration: kept.or(own), keeping, info })
 }
 
 #[cfg(feature = "v4l2")]
-fn camera(config: &Config, name: &str, spec: &str) -> anyhow::Result<Watch> {
-    use doorcam::source::camera::Supervisor;
+fn camera(config: &Config, name: &str, spec: &str, file: Option<&Path>) -> anyhow::Result<Watch> {
+    use doorcam::source::camera::{Locked, Supervisor};
     use doorcam::source::v4l2::V4l2Camera;
 
-    let camera = V4l2Camera::new(name, config.camera.options());
+    let usual = || config.storage.directory().map(|directory| directory.join("calibration.json"));
+    let Some(file) = file.map(Path::to_owned).or_else(usual) else {
+        bail!("there is no place for the camera's calibration, expected --calibration FILE, --storage DIR or $HOME");
+    };
+    let store = CalibrationStore::new(file);
+    let calibration = store.load()?;
+    let named = || store.file().display().to_string();
+    let setup = Setup::new(config.clone());
+    let engine = calibration.as_ref().map(|c| setup.engine(c)).transpose().with_context(named)?;
+    let mut options = config.camera.options();
+    match &calibration {
+        // It is for pictures of one size.
+        Some(calibration) => options.wish.size = calibration.size.map(|side| u32::try_from(side).unwrap_or(u32::MAX)),
+        None => tracing::info!("the camera is not calibrated yet: open the page to do so"),
+    }
+    let controls = config.storage.directory().map(|directory| directory.join("controls.json"));
+    let camera = V4l2Camera::new(name, options, Locked::new(controls));
     let source = Box::new(Supervisor::new(camera, SystemClock::default(), u64::from(std::process::id())));
     let info = SourceInfo { spec: spec.into(), kind: "v4l2", notes: String::new(), fps: config.camera.fps };
-    Ok(Watch { source, engine: None, info })
+    Ok(Watch { source, engine, calibration, keeping: Keeping::File(store), info })
 }
 
 #[cfg(not(feature = "v4l2"))]
-fn camera(_: &Config, _: &str, spec: &str) -> anyhow::Result<Watch> {
+fn camera(_: &Config, _: &str, spec: &str, _: Option<&Path>) -> anyhow::Result<Watch> {
     bail!("{spec}: this doorcam was built without cameras (feature v4l2)")
+}
+
+/// What `/metrics` shows is recorded from here on.
+fn recorder() -> Option<PrometheusHandle> {
+    const SECONDS: [f64; 12] = [1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.5, 2.0];
+    let builder = PrometheusBuilder::new().set_buckets(&SECONDS).ok()?;
+    builder.install_recorder().ok()
 }
 
 /// Shows what is watched to whoever connects, until interrupted.
 fn serve(config: &Config, watch: Watch, listen: Option<SocketAddr>) -> anyhow::Result<()> {
-    let Watch { source, engine, info } = watch;
+    let Watch { source, engine, calibration, keeping, info } = watch;
     let spec = info.spec.clone();
+    // Before the hub: what counts without a recorder counts for nobody.
+    let metrics = recorder();
     let hub = Arc::new(Hub::new(engine.as_ref().map(Engine::watched), config.preset, info));
     let runtime = tokio::runtime::Runtime::new().context("cannot start the server's threads")?;
     runtime.block_on(async {
@@ -103,14 +166,27 @@ fn serve(config: &Config, watch: Watch, listen: Option<SocketAddr>) -> anyhow::R
         let mut interrupt = signal(SignalKind::interrupt())?;
         let mut terminate = signal(SignalKind::terminate())?;
         // The port first, then the frames: nobody should miss the beginning of a recording.
-        let control = start(source, engine, Arc::clone(&hub)).context("cannot start the frame loop")?;
+        let running = start(source, engine, Arc::clone(&hub)).context("cannot start the frame loop")?;
+        if let Some(metrics) = metrics.clone() {
+            // What is measured piles up until somebody looks at it, or this is done.
+            tokio::spawn(async move {
+                let mut upkeep = tokio::time::interval(Duration::from_secs(5));
+                loop {
+                    upkeep.tick().await;
+                    metrics.run_upkeep();
+                }
+            });
+        }
+        let setup = Setup::new(config.clone());
+        let calibrator = Calibrator::new(setup, keeping, calibration, Arc::clone(&hub), running.control().clone());
         tracing::info!("watching {spec}: the page is at http://{}", server.address());
         server
-            .serve(hub, control, async move {
+            .serve(Backend { hub, control: running.control().clone(), calibrator, metrics }, async move {
                 tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }
                 tracing::info!("stopping");
             })
             .await?;
+        running.end();
         anyhow::Ok(())
     })
 }

@@ -59,6 +59,15 @@ impl Calibration {
         })
     }
 
+    /// Puts it in a recording's manifest, in place of what is there.
+    pub fn apply_to(&self, manifest: &mut Manifest) {
+        manifest.size = Some(self.size);
+        manifest.doorway = self.doorway;
+        manifest.floor_points.clone_from(&self.floor_points);
+        manifest.lens = self.lens;
+        manifest.transfer = self.transfer().clone();
+    }
+
     /// The camera's transfer function.
     pub fn transfer(&self) -> &Transfer {
         self.transfer.as_ref().unwrap_or(&Transfer::Srgb)

@@ -6,6 +6,7 @@ use jiff::Timestamp;
 use serde::Serialize;
 use tokio::sync::watch;
 
+use super::meters::Meters;
 use super::{Model, State, Update};
 use crate::config::Preset;
 use crate::measurement::PatchPair;
@@ -66,6 +67,7 @@ pub struct Hub {
     source: SourceInfo,
     latest: watch::Sender<Option<Arc<Published>>>,
     counters: Mutex<Counters>,
+    meters: Meters,
     started: Instant,
     stale_after: Duration,
 }
@@ -222,6 +224,7 @@ impl Hub {
             source,
             latest: watch::Sender::new(None),
             counters: Mutex::new(counters),
+            meters: Meters::new(),
             started: Instant::now(),
             stale_after,
         }
@@ -230,6 +233,11 @@ impl Hub {
     /// What the updates are of; none before there is a calibration.
     pub fn watched(&self) -> Option<Watched> {
         lock(&self.watched).clone()
+    }
+
+    /// Width and height of the camera's images; none while no camera is open, and for other sources.
+    pub fn size(&self) -> Option<[usize; 2]> {
+        lock(&self.counters).condition.granted.as_ref().map(|granted| granted.size)
     }
 
     /// The newest images; none before the first frame.
@@ -288,6 +296,9 @@ impl Hub {
         counters.frames.solved += 1;
         counters.solved.count(published.at);
         drop(counters);
+        self.meters.solved.increment(1);
+        self.meters.watch_is(published.update.state);
+        self.meters.took(&published.update.timing_ms);
         self.latest.send_replace(Some(Arc::new(published)));
     }
 
@@ -302,22 +313,27 @@ impl Hub {
         counters.frames.captured += 1;
         if counters.condition.state == SourceState::Opening {
             counters.condition.state = SourceState::Streaming;
+            self.meters.source_is(SourceState::Streaming);
         }
+        self.meters.captured.increment(1);
         counters.captured.count(Instant::now());
     }
 
     pub(super) fn dropped(&self, count: u64) {
         lock(&self.counters).frames.dropped += count;
+        self.meters.dropped.increment(count);
     }
 
     pub(super) fn skipped(&self, why: String) {
         let mut counters = lock(&self.counters);
         counters.frames.skipped += 1;
         counters.frames.last_skipped = Some(why);
+        self.meters.skipped.increment(1);
     }
 
     pub(super) fn lost(&self, count: u64) {
         lock(&self.counters).frames.lost += count;
+        self.meters.lost.increment(count);
     }
 
     pub(super) fn source_state(&self) -> SourceState {
@@ -328,6 +344,7 @@ impl Hub {
         let mut counters = lock(&self.counters);
         // An error is not covered up by the end that follows it.
         if counters.condition.state != SourceState::Failed {
+            self.meters.source_is(condition.state);
             counters.condition = condition;
         }
     }

@@ -3,17 +3,24 @@
 //! One thread captures, one solves; between them is a slot for the newest frame ([`Mailbox`]). Each solved frame becomes
 //! one immutable [`Published`] update, serialised once, in the [`Hub`].
 
+mod calibration_store;
+mod calibrator;
 mod engine;
 mod frames;
 mod hub;
 mod mailbox;
+mod meters;
 mod model;
 mod problem;
 mod reconstructor;
 mod run;
+mod setup;
+
 mod texture_reach;
 mod update;
 
+pub use calibration_store::{CalibrationStore, StoreError};
+pub use calibrator::{CalibrationRefused, CalibrationReport, Calibrator, Keeping};
 pub use engine::{Engine, StepError};
 pub use frames::{FrameReader, ReadTimes};
 pub use hub::{Hub, Published, Seen, SourceInfo, Status, Watched};
@@ -21,5 +28,6 @@ pub use mailbox::{Mailbox, Taken};
 pub use model::{Model, SetupError};
 pub use problem::Problem;
 pub use reconstructor::{Reconstruction, Reconstructor};
-pub use run::{Command, Control, start};
+pub use run::{Command, Control, Running, start};
+pub use setup::Setup;
 pub use update::{State, Timing, Track, Update};

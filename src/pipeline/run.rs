@@ -1,5 +1,6 @@
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use jiff::Timestamp;
@@ -21,6 +22,28 @@ pub enum Command {
     Use(Box<Engine>),
     /// Learns the empty room anew, from now on.
     ResetBackground,
+    /// Ends, with what is to be kept put away.
+    End,
+}
+
+/// A frame loop that runs.
+pub struct Running {
+    control: Control,
+    solve: JoinHandle<()>,
+}
+
+impl Running {
+    /// What tells it what to do.
+    pub fn control(&self) -> &Control {
+        &self.control
+    }
+
+    /// Ends it; returns when what it keeps is put away.
+    pub fn end(self) {
+        self.control.tell(Command::End);
+        // A panic has been reported when it happened.
+        let _ = self.solve.join();
+    }
 }
 
 /// Tells a running frame loop what to do.
@@ -39,7 +62,7 @@ const TICK: Duration = Duration::from_millis(100);
 
 /// Starts the capture and the solver thread; they end with the source. Without an engine, frames are only looked at, until
 /// [`Command::Use`] brings one.
-pub fn start(source: Box<dyn Source>, engine: Option<Engine>, hub: Arc<Hub>) -> std::io::Result<Control> {
+pub fn start(source: Box<dyn Source>, engine: Option<Engine>, hub: Arc<Hub>) -> std::io::Result<Running> {
     let mailbox = Arc::new(Mailbox::default());
     let (tell, commands) = channel();
     {
@@ -49,13 +72,13 @@ pub fn start(source: Box<dyn Source>, engine: Option<Engine>, hub: Arc<Hub>) -> 
             capture(source, &mailbox, &hub);
         })?
     };
-    std::thread::Builder::new().name("solve".into()).spawn(move || {
+    let solve = std::thread::Builder::new().name("solve".into()).spawn(move || {
         let _closing = Closing(&mailbox);
         let guard = EndGuard { hub: &hub, done: false };
         let ended = solve(engine, &mailbox, &hub, &commands);
         guard.end(ended);
     })?;
-    Ok(Control(tell))
+    Ok(Running { control: Control(tell), solve })
 }
 
 /// Closes the mailbox however its thread ends, so that the other one ends too.
@@ -161,6 +184,7 @@ fn solve(
     hub: &Hub,
     commands: &Receiver<Command>,
 ) -> Result<(), String> {
+    let mut recalibrated = false;
     loop {
         while let Ok(command) = commands.try_recv() {
             match command {
@@ -168,7 +192,9 @@ fn solve(
                     hub.watch(next.watched());
                     next.continue_from(engine.as_ref().map_or(0, Engine::sequence));
                     engine = Some(*next);
+                    recalibrated = true;
                 }
+                Command::End => return Ok(()),
                 Command::ResetBackground => engine.iter_mut().for_each(Engine::reset_background),
             }
         }
@@ -181,6 +207,8 @@ fn solve(
         match engine.step(&frame, time) {
             Ok(published) => hub.publish(published),
             Err(StepError::Skipped(skipped)) => skip(hub, &skipped),
+            // A recording that begins again shows the empty room again.
+            Err(StepError::NoBackground) if recalibrated => {}
             Err(e @ StepError::NoBackground) => return Err(e.to_string()),
         }
     }

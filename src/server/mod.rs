@@ -2,6 +2,7 @@
 
 mod api;
 mod assets;
+mod calibration;
 mod frame;
 mod live;
 mod pictures;
@@ -15,7 +16,9 @@ use std::time::Duration;
 use axum::Router;
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderValue, Method, Uri};
+use axum::response::IntoResponse;
 use axum::routing::{get, post};
+use metrics_exporter_prometheus::PrometheusHandle;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::time::timeout;
@@ -23,7 +26,7 @@ use tower_http::set_header::SetResponseHeaderLayer;
 
 use self::pictures::Pictures;
 use self::problem::Problem;
-use crate::pipeline::{Control, Hub};
+use crate::pipeline::{Calibrator, Control, Hub};
 
 /// Why the server is not there.
 #[derive(Debug, thiserror::Error)]
@@ -41,11 +44,25 @@ pub enum ServerError {
     Stopped(std::io::Error),
 }
 
+/// What a server shows and steers.
+pub struct Backend {
+    /// Updates and status.
+    pub hub: Arc<Hub>,
+    /// The frame loop.
+    pub control: Control,
+    /// The calibration.
+    pub calibrator: Calibrator,
+    /// The recorder of `/metrics`; none for none.
+    pub metrics: Option<PrometheusHandle>,
+}
+
 /// What every request can see.
 #[derive(Clone)]
 struct Shared {
     hub: Arc<Hub>,
     control: Control,
+    calibrator: Arc<Calibrator>,
+    metrics: Option<PrometheusHandle>,
     pictures: Arc<Pictures>,
     encoded: Arc<frame::Encoded>,
     clients: Arc<AtomicUsize>,
@@ -85,16 +102,20 @@ impl Server {
     }
 
     /// Serves until `end` completes, then tells clients and gives them a moment to leave.
-    pub async fn serve(
-        self,
-        hub: Arc<Hub>,
-        control: Control,
-        end: impl Future<Output = ()>,
-    ) -> Result<(), ServerError> {
+    pub async fn serve(self, backend: Backend, end: impl Future<Output = ()>) -> Result<(), ServerError> {
+        let Backend { hub, control, calibrator, metrics } = backend;
         let (tell, ending) = watch::channel(false);
         let mut told = ending.clone();
-        let shared =
-            Shared { hub, control, pictures: Arc::default(), encoded: Arc::default(), clients: Arc::default(), ending };
+        let shared = Shared {
+            hub,
+            control,
+            calibrator: Arc::new(calibrator),
+            metrics,
+            pictures: Arc::default(),
+            encoded: Arc::default(),
+            clients: Arc::default(),
+            ending,
+        };
         let serving = axum::serve(self.listener, routes(shared)).with_graceful_shutdown(async move {
             // An error would mean that nobody is left to tell.
             let _ = told.wait_for(|&e| e).await;
@@ -124,6 +145,9 @@ fn routes(shared: Shared) -> Router {
         .route("/reconstruction.png", get(api::reconstruction_png))
         .route("/difference.png", get(api::difference_png))
         .route("/tracks", get(api::tracks))
+        .route("/calibration", get(calibration::get).put(calibration::put))
+        .route("/calibration/check", post(calibration::check))
+        .route("/calibration/previous", post(calibration::previous))
         .route("/frame.jpg", get(frame::frame))
         .route("/background/reset", post(api::reset_background))
         .route("/live", get(live::live));
@@ -134,6 +158,7 @@ fn routes(shared: Shared) -> Router {
         .nest("/api/v1", v1)
         .route("/livez", get(|| async { "alive\n" }))
         .route("/readyz", get(api::readyz))
+        .route("/metrics", get(metrics))
         .fallback(not_found_or_asset)
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
             Problem::method_not_allowed(&format!("{method} is not possible on {}", uri.path()))
@@ -143,6 +168,12 @@ fn routes(shared: Shared) -> Router {
         .layer(fixed(header::REFERRER_POLICY, "no-referrer"))
         .layer(fixed(header::CACHE_CONTROL, "no-store"))
         .with_state(shared)
+}
+
+/// The figures for Prometheus; none unless a recorder was installed.
+async fn metrics(axum::extract::State(shared): axum::extract::State<Shared>) -> axum::response::Response {
+    let kind = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
+    (kind, shared.metrics.as_ref().map(PrometheusHandle::render).unwrap_or_default()).into_response()
 }
 
 async fn not_found_or_asset(request: axum::extract::Request) -> axum::response::Response {

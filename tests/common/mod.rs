@@ -145,6 +145,21 @@ impl Daemon {
         (response.status().as_u16(), body)
     }
 
+    /// Status code and JSON of the answer to a request with a JSON body; null where the answer has none.
+    pub fn send(&self, method: &str, path: &str, body: &serde_json::Value) -> (u16, serde_json::Value) {
+        let agent: ureq::Agent = ureq::Agent::config_builder()
+            .http_status_as_error(false)
+            .timeout_global(Some(Duration::from_secs(20)))
+            .build()
+            .into();
+        let url = format!("{}{path}", self.url);
+        let request = if method == "PUT" { agent.put(url) } else { agent.post(url) };
+        let mut response = request.send_json(body).expect("an answer");
+        let mut text = String::new();
+        response.body_mut().as_reader().read_to_string(&mut text).expect("a body");
+        (response.status().as_u16(), serde_json::from_str(&text).unwrap_or_default())
+    }
+
     /// The JSON answer of a GET request that must succeed.
     pub fn json(&self, path: &str) -> serde_json::Value {
         let (status, body) = self.get(path);

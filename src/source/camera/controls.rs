@@ -139,7 +139,7 @@ pub(in crate::source) struct Kept {
 pub(in crate::source) fn keep(
     camera: &impl Controls,
     settings: &ControlSettings,
-    locked: &mut BTreeMap<u32, i64>,
+    locked: &mut BTreeMap<String, i64>,
     settled: bool,
 ) -> Kept {
     let mut kept = Kept::default();
@@ -158,7 +158,7 @@ fn keep_one(
     camera: &impl Controls,
     knob: &Knob,
     setting: Setting,
-    locked: &mut BTreeMap<u32, i64>,
+    locked: &mut BTreeMap<String, i64>,
     settled: bool,
 ) -> Result<(), String> {
     let wanted = match setting {
@@ -178,10 +178,10 @@ fn keep_one(
             }
             value
         }
-        Setting::Lock => match (camera.get(knob.value), locked.get(&knob.value)) {
+        Setting::Lock => match (camera.get(knob.value), locked.get(knob.name)) {
             (_, Some(&value)) => value,
             (Ok(found), None) if settled => {
-                locked.insert(knob.value, found);
+                locked.insert(knob.name.to_owned(), found);
                 found
             }
             // Not there, or not settled yet.

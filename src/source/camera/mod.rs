@@ -5,6 +5,7 @@
 mod backoff;
 #[cfg_attr(not(feature = "v4l2"), allow(dead_code))]
 pub(super) mod controls;
+mod locked;
 #[cfg_attr(not(feature = "v4l2"), allow(dead_code))]
 pub(super) mod negotiation;
 mod supervisor;
@@ -13,6 +14,7 @@ use std::time::Duration;
 
 pub use backoff::Backoff;
 pub use controls::{ControlSettings, Setting};
+pub use locked::Locked;
 pub use negotiation::{PixelFormat, Wish};
 pub use supervisor::Supervisor;
 

@@ -7,11 +7,13 @@ mod find;
 mod inventory;
 mod session;
 
+use std::sync::Arc;
+
 pub use find::Identity;
 pub use inventory::{CameraReport, ControlReport, FormatReport, SizeReport, cameras};
 pub use session::V4l2Session;
 
-use super::camera::{CameraOptions, Fault, Opener};
+use super::camera::{CameraOptions, Fault, Locked, Opener};
 
 /// A camera by its node, its stable name or its card's name.
 pub struct V4l2Camera {
@@ -19,14 +21,13 @@ pub struct V4l2Camera {
     options: CameraOptions,
     /// Of the camera that was opened first: it is found again under another number.
     identity: Option<Identity>,
-    /// What the camera's own automatics had found when they were switched off, by control: the same picture after a replug.
-    locked: session::Locked,
+    locked: Arc<Locked>,
 }
 
 impl V4l2Camera {
     /// `name` is a path (`/dev/video0`, `/dev/v4l/by-id/...`), a name below `/dev/v4l/by-id`, or the card's name.
-    pub fn new(name: impl Into<String>, options: CameraOptions) -> Self {
-        Self { name: name.into(), options, identity: None, locked: session::Locked::default() }
+    pub fn new(name: impl Into<String>, options: CameraOptions, locked: Locked) -> Self {
+        Self { name: name.into(), options, identity: None, locked: Arc::new(locked) }
     }
 }
 

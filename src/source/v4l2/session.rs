@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use jiff::{SignedDuration, Timestamp};
@@ -19,7 +19,7 @@ use super::find::{fault, refused};
 use super::inventory::offers;
 use crate::source::camera::controls::{Controls, Kept, keep};
 use crate::source::camera::negotiation::{Offer, ranked};
-use crate::source::camera::{CameraOptions, Capture, ControlSettings, Fault, PixelFormat, Session, Wish};
+use crate::source::camera::{CameraOptions, Capture, ControlSettings, Fault, Locked, PixelFormat, Session, Wish};
 use crate::source::pool::BufferPool;
 use crate::source::sensor::{LumaMatrix, SensorFormat, SensorPixels};
 use crate::source::{Granted, Purpose, RawFrame, RawImages, SkippedFrame};
@@ -41,7 +41,7 @@ pub struct V4l2Session {
     format: Granting,
     granted: Granted,
     settings: ControlSettings,
-    locked: Locked,
+    locked: Arc<Locked>,
     /// When the first frame came.
     first_frame: Option<Instant>,
     /// Whether the automatics have been locked.
@@ -51,13 +51,6 @@ pub struct V4l2Session {
     sequence: Option<u32>,
     newest_only: bool,
     pool: BufferPool,
-}
-
-/// What automatics have found, by control; shared between the sessions of a camera.
-pub(super) type Locked = Arc<Mutex<BTreeMap<u32, i64>>>;
-
-fn lock(locked: &Locked) -> MutexGuard<'_, BTreeMap<u32, i64>> {
-    locked.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// How the frames are laid out.
@@ -84,12 +77,12 @@ impl Controls for Device {
 
 impl V4l2Session {
     /// Opens a node, agrees on a format and starts the stream.
-    pub(super) fn open(node: &Path, options: &CameraOptions, locked: &Locked) -> Result<Self, Fault> {
+    pub(super) fn open(node: &Path, options: &CameraOptions, locked: &Arc<Locked>) -> Result<Self, Fault> {
         let device = Device::with_path(node).map_err(|e| refused(node, &e))?;
         let capabilities = device.query_caps().map_err(|e| fault(node, "is no camera", &e))?;
         let (format, pixels) = agree(node, &device, &options.wish)?;
         let fps = set_rate(&device, options.wish.fps).unwrap_or(options.wish.fps);
-        keep(&device, &options.controls, &mut lock(locked), false);
+        locked.with(&capabilities.card, |locked| keep(&device, &options.controls, locked, false));
         let mut stream = Stream::with_buffers(&device, Type::VideoCapture, BUFFERS)
             .map_err(|e| fault(node, "gives no buffers", &e))?;
         // `next` queues buffer 0 itself before it waits; the driver may have granted fewer than were asked for.
@@ -100,7 +93,7 @@ impl V4l2Session {
         }
         stream.start().map_err(|e| fault(node, "does not start", &e))?;
         // Some cameras forget their controls when they start.
-        let kept = keep(&device, &options.controls, &mut lock(locked), false);
+        let kept = locked.with(&capabilities.card, |locked| keep(&device, &options.controls, locked, false));
         let granted = Granted {
             node: node.display().to_string(),
             card: capabilities.card,
@@ -217,7 +210,8 @@ impl Session for V4l2Session {
             return Ok(false);
         }
         (self.settled, self.checked) = (settled, Instant::now());
-        let kept = keep(&self.device, &self.settings, &mut lock(&self.locked), settled);
+        let keep = |locked: &mut BTreeMap<String, i64>| keep(&self.device, &self.settings, locked, settled);
+        let kept = self.locked.with(&self.granted.card, keep);
         Ok(self.told(kept))
     }
 }

@@ -1,0 +1,162 @@
+//! The calibration in use: looked at, checked, replaced and kept on disk while frames go on.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use serde::Serialize;
+
+use super::calibration_store::{CalibrationStore, StoreError};
+use super::{Command, Control, Engine, Hub, Setup, SetupError};
+use crate::measurement::{Calibration, Check};
+
+/// Where the calibration of a run is kept, if it may be changed at all.
+#[derive(Debug)]
+pub enum Keeping {
+    /// In a file.
+    File(CalibrationStore),
+    /// Nowhere: one line says why it cannot be changed.
+    Fixed(String),
+}
+
+/// Checks, applies and keeps calibrations.
+pub struct Calibrator {
+    setup: Setup,
+    keeping: Keeping,
+    hub: Arc<Hub>,
+    control: Control,
+    state: Mutex<State>,
+}
+
+struct State {
+    calibration: Option<Calibration>,
+    revision: u32,
+}
+
+/// GET /api/v1/calibration.
+#[derive(Debug, Serialize)]
+pub struct CalibrationReport {
+    /// Whether it can be changed.
+    pub editable: bool,
+    /// Why not.
+    pub reason: Option<String>,
+    /// What the camera gives now: width and height in pixels; none before its first frame.
+    pub size: Option<[usize; 2]>,
+    /// The one in use; none yet.
+    pub calibration: Option<Calibration>,
+    /// What it is worth.
+    pub check: Option<Check>,
+    /// Whether the one before is kept.
+    pub previous: bool,
+}
+
+/// Why a calibration is not in use now.
+#[derive(Debug, thiserror::Error)]
+pub enum CalibrationRefused {
+    /// It may not be changed.
+    #[error("{0}")]
+    Fixed(String),
+    /// It does not tell where the floor is.
+    #[error("{0}")]
+    Unfit(String),
+    /// There is none before it.
+    #[error("there is no previous calibration")]
+    NoPrevious,
+    /// It could not be kept.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The source ended.
+    #[error("the source has ended: no frames will come")]
+    Ended,
+}
+
+impl Calibrator {
+    /// For a run whose frames `control` steers; `calibration` is the one in use.
+    pub fn new(
+        setup: Setup,
+        keeping: Keeping,
+        calibration: Option<Calibration>,
+        hub: Arc<Hub>,
+        control: Control,
+    ) -> Self {
+        Self { setup, keeping, hub, control, state: Mutex::new(State { calibration, revision: 0 }) }
+    }
+
+    /// The calibration in use and what can be done with it.
+    pub fn report(&self) -> CalibrationReport {
+        let calibration = self.state().calibration.clone();
+        let (editable, reason, previous) = match &self.keeping {
+            Keeping::File(store) => (true, None, store.has_previous()),
+            Keeping::Fixed(reason) => (false, Some(reason.clone()), false),
+        };
+        let size = self.hub.size().or(calibration.as_ref().map(|c| c.size));
+        CalibrationReport {
+            editable,
+            reason,
+            size,
+            check: calibration.as_ref().map(|c| self.check(c)),
+            calibration,
+            previous,
+        }
+    }
+
+    /// What a calibration would be worth.
+    pub fn check(&self, calibration: &Calibration) -> Check {
+        let mut check = self.setup.check(calibration);
+        if let Some(size) = self.hub.size().filter(|size| *size != calibration.size) {
+            let ([w, h], [cw, ch]) = (calibration.size, size);
+            check.ok = false;
+            check.errors.push(format!("size: the calibration is for {w} x {h} pixels, the camera gives {cw} x {ch}"));
+        }
+        check
+    }
+
+    /// Uses a calibration from the next frame on, and keeps it and the one before.
+    pub fn replace(&self, calibration: Calibration) -> Result<(), CalibrationRefused> {
+        let Keeping::File(store) = &self.keeping else { return Err(self.fixed()) };
+        let mut state = self.state();
+        let engine = self.engine(&calibration, state.revision + 1)?;
+        store.save(&calibration)?;
+        self.go_on_with(&mut state, calibration, engine)
+    }
+
+    /// Uses the calibration before this one again, and keeps this one in its place.
+    pub fn restore(&self) -> Result<(), CalibrationRefused> {
+        let Keeping::File(store) = &self.keeping else { return Err(self.fixed()) };
+        let mut state = self.state();
+        let calibration = store.previous()?.ok_or(CalibrationRefused::NoPrevious)?;
+        let engine = self.engine(&calibration, state.revision + 1)?;
+        store.save(&calibration)?;
+        self.go_on_with(&mut state, calibration, engine)
+    }
+
+    fn engine(&self, calibration: &Calibration, revision: u32) -> Result<Engine, CalibrationRefused> {
+        let check = self.check(calibration);
+        if let Some(error) = check.errors.first() {
+            return Err(CalibrationRefused::Unfit(error.clone()));
+        }
+        let unfit = |e: SetupError| CalibrationRefused::Unfit(e.to_string());
+        Ok(self.setup.engine(calibration).map_err(unfit)?.of_calibration(revision))
+    }
+
+    fn go_on_with(
+        &self,
+        state: &mut State,
+        calibration: Calibration,
+        engine: Engine,
+    ) -> Result<(), CalibrationRefused> {
+        state.revision += 1;
+        state.calibration = Some(calibration);
+        if self.control.tell(Command::Use(Box::new(engine))) { Ok(()) } else { Err(CalibrationRefused::Ended) }
+    }
+
+    fn fixed(&self) -> CalibrationRefused {
+        let reason = match &self.keeping {
+            Keeping::Fixed(reason) => reason.clone(),
+            Keeping::File(_) => String::new(),
+        };
+        CalibrationRefused::Fixed(reason)
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

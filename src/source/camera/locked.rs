@@ -1,0 +1,76 @@
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+/// What a camera's automatics had found when they were switched off, by the control's name: set again after a replug and, if
+/// there is a file for it, after a restart, so that the picture of the empty room goes on to hold.
+#[derive(Debug, Default)]
+pub struct Locked {
+    file: Option<PathBuf>,
+    kept: Mutex<Kept>,
+}
+
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+struct Kept {
+    card: String,
+    controls: BTreeMap<String, i64>,
+}
+
+impl Locked {
+    /// Kept in `file`, and read from it if it is there.
+    pub fn new(file: Option<PathBuf>) -> Self {
+        let kept = file.as_deref().and_then(|file| match std::fs::read(file) {
+            Ok(bytes) => serde_json::from_slice(&bytes)
+                .inspect_err(|e| {
+                    tracing::warn!("{}: locked controls cannot be read, they are found anew: {e}", file.display())
+                })
+                .ok(),
+            Err(_) => None,
+        });
+        Self { file, kept: Mutex::new(kept.unwrap_or_default()) }
+    }
+
+    /// Lets `work` use and change the values of the camera called `card`: another camera's do not count.
+    pub fn with<T>(&self, card: &str, work: impl FnOnce(&mut BTreeMap<String, i64>) -> T) -> T {
+        let mut kept = self.lock();
+        let before = kept.clone();
+        if kept.card != card {
+            *kept = Kept { card: card.to_owned(), controls: BTreeMap::new() };
+        }
+        let result = work(&mut kept.controls);
+        if let Some(file) = self.file.as_deref().filter(|_| *kept != before && !kept.controls.is_empty())
+            && let Err(e) = write(file, &kept)
+        {
+            tracing::warn!("{}: locked controls cannot be kept: {e}", file.display());
+        }
+        result
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn write(file: &Path, kept: &Kept) -> std::io::Result<()> {
+    crate::files::replace(file, &serde_json::to_vec_pretty(kept)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_outlive_a_run_but_not_a_change_of_camera() {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("deep/controls.json");
+        let locked = Locked::new(Some(file.clone()));
+        locked.with("Cam", |values| values.insert("exposure".into(), 312));
+        let again = Locked::new(Some(file.clone()));
+        assert_eq!(again.with("Cam", |values| values.get("exposure").copied()), Some(312));
+        assert_eq!(again.with("Other", |values| values.len()), 0);
+        std::fs::write(&file, "{").unwrap();
+        assert_eq!(Locked::new(Some(file)).with("Cam", |values| values.len()), 0);
+    }
+}
