@@ -1,9 +1,12 @@
 //! The configuration file: every key, its default and its range. `config/doorcam.toml` shows them all.
 
+mod background;
+
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+pub use background::{AveragingConfig, BackgroundConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::{GridSpec, Point, Room};
@@ -34,6 +37,10 @@ pub struct Config {
     pub grid: GridConfig,
     /// The floor patches.
     pub patch: PatchConfig,
+    /// Averaging of frames in time.
+    pub averaging: AveragingConfig,
+    /// The empty room's picture, where it is followed over time.
+    pub background: BackgroundConfig,
     /// Light from facets to the floor.
     pub transport: TransportConfig,
     /// The inverse problem.
@@ -408,6 +415,8 @@ impl Config {
         within("grid.near_sum_m", self.grid.near_sum_m, 0.0, 100.0, "metres")?;
         within("patch.fov_m", self.patch.fov_m, 0.01, 2.0, "metres")?;
         within("patch.pixels", self.patch.pixels as f64, 8.0, 256.0, "pixels")?;
+        self.averaging.check()?;
+        self.background.check()?;
         within("transport.facet_height_m", self.transport.facet_height_m, 0.1, 10.0, "metres")?;
         if let Lambda::Fixed(lambda) = self.solver.lambda {
             check_lambda("solver.lambda", lambda)?;

@@ -150,5 +150,6 @@ fn engine(
     let doorway = recording.manifest.doorway;
     let model = Model::new(config, doorway, reader.patch(), reader.seen()).with_context(named)?;
     let model = std::sync::Arc::new(model);
-    Ok((Engine::new(reader, Reconstructor::new(std::sync::Arc::clone(&model), warm_start)), model))
+    let engine = Engine::new(reader, Reconstructor::new(std::sync::Arc::clone(&model), warm_start));
+    Ok((engine.averaging(&config.averaging), model))
 }

@@ -104,6 +104,7 @@ fn replay(
     }
     let recording = Arc::new(recording);
     let (engine, _) = engine(config, &recording, true)?;
+    let engine = engine.rolling(&config.background, None);
     let info = SourceInfo {
         spec: spec.into(),
         kind: "replay",

@@ -1,4 +1,5 @@
 use super::PatchPair;
+use super::rolling::KEPT;
 
 /// The empty room's patch pair x_0 of eq. 4: the mean of the frames it was shown.
 #[derive(Debug, Clone)]
@@ -9,15 +10,18 @@ pub struct Background {
     kept: Vec<PatchPair>,
 }
 
-/// Frames of the empty room that are kept for their statistics.
-const KEPT: usize = 64;
-
 impl Background {
     /// Nothing learned yet.
     pub fn new(size: usize) -> Self {
         let mean = PatchPair::zeros(size);
         let zeros = || vec![0.0; mean.left.data().len()];
         Self { sums: [zeros(), zeros()], frames: 0, mean, kept: Vec::new() }
+    }
+
+    /// With a mean of `frames` frames that is known from elsewhere, and frames for its statistics.
+    pub(super) fn known(mean: PatchPair, frames: u64, kept: Vec<PatchPair>) -> Self {
+        let sums = |patch: &super::Patch| patch.data().iter().map(|&v| f64::from(v) * frames as f64).collect();
+        Self { sums: [sums(&mean.left), sums(&mean.right)], frames, mean, kept }
     }
 
     /// Adds a frame of the empty room.
@@ -46,21 +50,15 @@ impl Background {
         &self.mean
     }
 
-    /// The first frames learned, for their statistics.
+    /// Frames for their statistics: the first ones learned.
     pub fn kept(&self) -> &[PatchPair] {
         &self.kept
     }
 
     /// Writes y = x_t − x_0 (eq. 4) into `out`; false, and nothing written, before the first frame was learned.
     pub fn difference(&self, pair: &PatchPair, out: &mut PatchPair) -> bool {
-        for (out, (x, x0)) in [&mut out.left, &mut out.right]
-            .into_iter()
-            .zip([(&pair.left, &self.mean.left), (&pair.right, &self.mean.right)])
-            .take(if self.frames > 0 { 2 } else { 0 })
-        {
-            for ((y, x), x0) in out.data_mut().iter_mut().zip(x.data()).zip(x0.data()) {
-                *y = x - x0;
-            }
+        if self.frames > 0 {
+            pair.subtract(&self.mean, out);
         }
         self.frames > 0
     }

@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod albedo;
+mod averaging;
 mod background;
 mod calibration;
 mod camera;
@@ -19,10 +20,15 @@ mod pinhole;
 mod radiometry;
 mod rectify;
 mod resample;
+mod rolling;
+mod saved;
+mod startup;
+mod stillness;
 mod texture;
 
 pub use accuracy::Accuracy;
 pub use albedo::{Floor, light_window};
+pub use averaging::{Averager, Averaging};
 pub use background::Background;
 pub use calibration::{Calibration, CalibrationError};
 pub use camera::Camera;
@@ -38,4 +44,7 @@ pub use patch::{Patch, PatchPair};
 pub use radiometry::{Decoding, LightTable};
 pub use rectify::{CameraRectifier, PatchRectifier, WrongSize};
 pub use resample::{Filter, PatchResampler};
+pub use rolling::{RollingBackground, Snapshot};
+pub use saved::{Fingerprint, LoadError};
+pub use startup::{Learned, Startup, StartupSpec};
 pub use texture::texture_strength;

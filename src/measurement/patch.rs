@@ -76,4 +76,12 @@ impl PatchPair {
             Side::Right => &mut self.right,
         }
     }
+
+    /// Writes the difference of each value from `other`'s into `out`. All three have the same size.
+    pub fn subtract(&self, other: &PatchPair, out: &mut PatchPair) {
+        for side in Side::BOTH {
+            let values = self.side(side).data().iter().zip(other.side(side).data());
+            out.side_mut(side).data_mut().iter_mut().zip(values).for_each(|(out, (a, b))| *out = a - b);
+        }
+    }
 }

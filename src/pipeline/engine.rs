@@ -4,8 +4,13 @@ use std::time::Instant;
 use jiff::Timestamp;
 
 use super::hub::{Published, Watched};
+use super::job::Work;
+use super::keeper::{Keeper, KeeperError, Seen};
+use super::spaced::Spaced;
+use super::store::BackgroundStore;
 use super::{FrameReader, ReadTimes, Reconstruction, Reconstructor, Timing, Update};
-use crate::measurement::PatchPair;
+use crate::config::{AveragingConfig, BackgroundConfig};
+use crate::measurement::{Averager, Averaging, PatchPair};
 use crate::scene::Brightness;
 use crate::solver::Audit;
 use crate::source::{Purpose, RawFrame, SkippedFrame};
@@ -13,7 +18,12 @@ use crate::source::{Purpose, RawFrame, SkippedFrame};
 /// The whole way of a frame, from encoded images to an update: the same online and offline.
 pub struct Engine {
     reader: FrameReader,
+    averager: Averager,
     reconstructor: Reconstructor,
+    /// None: the background is what a recording gives, and stays.
+    keeper: Option<Keeper>,
+    /// The recording's frames of the empty room.
+    given: Spaced,
     pair: PatchPair,
     sequence: u64,
     calibration: u32,
@@ -34,10 +44,21 @@ pub enum StepError {
 }
 
 impl Engine {
-    /// With nothing learned yet.
+    /// With nothing learned yet. As it is, frames are not averaged, and the background is the mean of the frames of the empty
+    /// room that a recording names, from the first map on for ever.
     pub fn new(reader: FrameReader, reconstructor: Reconstructor) -> Self {
-        let pair = PatchPair::zeros(reader.patch().size);
-        Self { reader, reconstructor, pair, sequence: 0, calibration: 0, watching: false }
+        let size = reader.patch().size;
+        Self {
+            averager: Averager::new(Averaging::None, 0.0, size),
+            keeper: None,
+            given: Spaced::default(),
+            pair: PatchPair::zeros(size),
+            sequence: 0,
+            calibration: 0,
+            watching: false,
+            reader,
+            reconstructor,
+        }
     }
 
     /// Gives its updates the number of the calibration that they are of.
@@ -61,9 +82,49 @@ impl Engine {
         self.sequence = sequence;
     }
 
-    /// Learns the empty room anew, from now on.
-    pub fn reset_background(&mut self) {
-        self.watching = false;
+    /// Averages frames in time before anything else. To be said before [`Engine::rolling`].
+    pub fn averaging(mut self, config: &AveragingConfig) -> Self {
+        self.averager = Averager::new(config.mode, config.time_s, self.reader.patch().size);
+        self.given = Spaced::new(self.averager.independent_s());
+        self
+    }
+
+    /// Lets the background follow the room: it is learned from a live camera's first seconds (or a recording's frames of the
+    /// empty room), follows slow changes, is learned anew when the light changes, and outlives the run if there is a place
+    /// to `store` it.
+    pub fn rolling(self, config: &BackgroundConfig, store: Option<BackgroundStore>) -> Self {
+        self.rolling_with(config, store, Work::Aside)
+    }
+
+    /// The same, with a say in where long work is done.
+    pub fn rolling_with(mut self, config: &BackgroundConfig, mut store: Option<BackgroundStore>, work: Work) -> Self {
+        if let Some(store) = &mut store {
+            // Averaged frames have another noise.
+            store.add(&format!("{:?}", self.averager.kind()));
+        }
+        let apart_s = self.averager.independent_s();
+        let keeper = Keeper::new(config, store, work, apart_s, &mut self.reconstructor);
+        self.watching = !keeper.wants_given();
+        self.keeper = Some(keeper);
+        self
+    }
+
+    /// Learns the background anew from the next frames, with whatever is in the room then. False, and nothing done, where
+    /// the background is fixed.
+    pub fn reset_background(&mut self) -> bool {
+        let Some(keeper) = &mut self.keeper else { return false };
+        self.averager.restart();
+        keeper.reset(&self.reconstructor);
+        self.watching = true;
+        true
+    }
+
+    /// Saves the background if there is a place for it, and waits until that is done. It is also done when the engine is
+    /// dropped.
+    pub fn save_background(&mut self) {
+        if let Some(keeper) = &mut self.keeper {
+            keeper.save(&self.reconstructor);
+        }
     }
 
     /// How good the last frame's solution is among those from `starts` random starts; none before the first one.
@@ -76,30 +137,62 @@ impl Engine {
         let start = Instant::now();
         let read = self.reader.read(frame, &mut self.pair)?;
         let model = self.reconstructor.model().clone();
-        let (mut update, scene) = if !self.watching && frame.purpose != Purpose::Watch {
+        let (pair, excess) = self.averager.push(&self.pair, frame.seconds);
+        let map = if !self.watching && is_given(frame.purpose, self.keeper.is_some()) {
             if frame.purpose == Purpose::Background {
-                self.reconstructor.learn(&self.pair);
+                self.given.offer(pair, frame.seconds, &mut self.reconstructor);
             }
-            (Update::learning(&model, self.sequence, time, frame.index, timing(read, None, start)), None)
+            None
         } else {
-            let mut reconstruction = self
-                .reconstructor
-                .reconstruct(&self.pair)
-                .map_err(|e| SkippedFrame { name: frame.name.to_string(), reason: e.to_string() })?
-                .ok_or(StepError::NoBackground)?;
-            self.watching = true;
-            let timing = timing(read, Some(&reconstruction), start);
-            let update = Update::watching(&model, self.sequence, time, frame.index, &reconstruction, timing);
-            // The update has the refit's factors beside the light; figures show one of both.
-            if model.brightness == Brightness::Measured {
-                reconstruction.scene.multiply(&reconstruction.refit);
+            self.given.finish(&mut self.reconstructor);
+            match &mut self.keeper {
+                None => {
+                    let map = self.reconstructor.reconstruct_in_noise(pair, excess);
+                    let map = map.map_err(|e| KeeperError::from(e).of(&frame.name))?;
+                    Some(map.ok_or(StepError::NoBackground)?)
+                }
+                Some(keeper) => {
+                    let seen = Seen { raw: &self.pair, pair, excess, seconds: frame.seconds, purpose: frame.purpose };
+                    keeper.step(&seen, &mut self.reconstructor).map_err(|e| e.of(&frame.name))?
+                }
             }
-            (update, Some(reconstruction.scene))
+        };
+        self.watching |= map.is_some();
+        let (mut update, scene) = match map {
+            None => (Update::learning(&model, self.sequence, time, frame.index, timing(read, None, start)), None),
+            Some(mut map) => {
+                let timing = timing(read, Some(&map), start);
+                let update = Update::watching(&model, self.sequence, time, frame.index, &map, timing);
+                // The update has the refit's factors beside the light; figures show one of both.
+                if model.brightness == Brightness::Measured {
+                    map.scene.multiply(&map.refit);
+                }
+                (update, Some(map.scene))
+            }
         };
         update.calibration = self.calibration;
+        if let Some(keeper) = &self.keeper {
+            update.state = keeper.state();
+            update.background = Some(keeper.report());
+        }
         self.sequence += 1;
         let difference = scene.is_some().then(|| self.reconstructor.difference().clone());
         Ok(Published::new(update, scene, difference))
+    }
+}
+
+impl Drop for Engine {
+    fn drop(&mut self) {
+        self.save_background();
+    }
+}
+
+/// Whether a frame belongs to the start of a recording. With a fixed background, everything does that is not to be watched.
+fn is_given(purpose: Purpose, rolling: bool) -> bool {
+    match purpose {
+        Purpose::Before | Purpose::Background => true,
+        Purpose::Live => !rolling,
+        Purpose::Watch => false,
     }
 }
 

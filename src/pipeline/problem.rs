@@ -18,6 +18,8 @@ pub struct Problem {
     pub projection: Projection,
     /// The Gram system's solver.
     pub solver: Solver,
+    /// Values of a difference that count: pixels of both patches, times three.
+    pub values: usize,
     penalty: Penalty,
 }
 
@@ -69,7 +71,8 @@ impl Problem {
             Lambda::Fixed(lambda) => lambda,
             Lambda::Auto => Lambda::PUBLISHED,
         };
-        Self { solver: Solver::new(projection.gram(), kinds), projection, penalty: Penalty::Fixed(lambda) }
+        let values = 3 * model.counted.iter().flatten().filter(|&&counts| counts).count();
+        Self { solver: Solver::new(projection.gram(), kinds), projection, values, penalty: Penalty::Fixed(lambda) }
     }
 
     /// Eq. 13 as it is written, in units of the noise, with unit-norm columns and without what exposure, flicker and drift
@@ -93,15 +96,21 @@ impl Problem {
                 Penalty::Adaptive { noise, texture, share: model.lambda_share }
             }
         };
-        Self { projection, solver, penalty }
+        let values = 3 * weights.iter().flatten().filter(|&&w| w > 0.0).count();
+        Self { projection, solver, values, penalty }
     }
 
     /// λ for a frame whose map is empty from `lambda_max` on.
     pub fn lambda(&self, frame: &Correlations, lambda_max: f64) -> f64 {
+        self.lambda_in_noise(frame, lambda_max, 1.0)
+    }
+
+    /// The same for a frame with `excess` times the noise of the others: the average of fewer frames.
+    pub fn lambda_in_noise(&self, frame: &Correlations, lambda_max: f64, excess: f64) -> f64 {
         match self.penalty {
             Penalty::Fixed(lambda) => lambda,
             Penalty::Adaptive { noise, texture, share } => {
-                noise.hypot(reach_in(texture, &self.projection, frame)).max(share * lambda_max)
+                (excess * noise).hypot(reach_in(texture, &self.projection, frame)).max(share * lambda_max)
             }
         }
     }

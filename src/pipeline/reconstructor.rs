@@ -16,12 +16,16 @@ pub struct Reconstructor {
 }
 
 /// The problem of the background in use, and the room that solving it takes.
-struct Prepared {
+pub(super) struct Prepared {
     problem: Problem,
+    /// The picture that it is built for: differences from another one would not be free of gains.
+    reference: PatchPair,
     correlations: Correlations,
     workspace: Workspace,
     solution: Solution,
     refit: Vec<f64>,
+    /// For looks at other pictures than the frame's.
+    aside: (PatchPair, Correlations),
 }
 
 /// What one frame says about the room.
@@ -39,12 +43,40 @@ pub struct Reconstruction {
     /// The factor by which the floor's own picture of the empty room is multiplied, apart from what the facets explain:
     /// left, right. None with the published model, which knows no gain.
     pub gain: Option<[Rgb; 2]>,
+    /// Mean square of the weighed difference once gains, lamps and drift are out; with the signed model in units of the noise,
+    /// so that it is about 1 in the empty room.
+    pub energy: f64,
+    /// The same of what the map leaves.
+    pub residual: f64,
     /// Time for the difference.
     pub background_time: Duration,
     /// Time for Aᵀy.
     pub project_time: Duration,
     /// Time to solve.
     pub solve_time: Duration,
+}
+
+impl Reconstruction {
+    /// Whether no facet changed.
+    pub fn is_empty(&self) -> bool {
+        self.solution.penalty == 0.0
+    }
+}
+
+impl Prepared {
+    /// For a background; where its frames do not tell the noise, a `difference` from it does.
+    pub fn new(model: &Model, background: &Background, difference: &PatchPair) -> Self {
+        let problem = Problem::new(model, background, difference);
+        Self {
+            reference: background.mean().clone(),
+            correlations: problem.projection.correlations(),
+            workspace: problem.solver.workspace(),
+            solution: Solution::default(),
+            refit: Vec::new(),
+            aside: (difference.clone(), problem.projection.correlations()),
+            problem,
+        }
+    }
 }
 
 impl Reconstructor {
@@ -71,6 +103,33 @@ impl Reconstructor {
         self.problem = None;
     }
 
+    /// What was learned by [`Reconstructor::learn`].
+    pub(super) fn background(&self) -> &Background {
+        &self.background
+    }
+
+    /// Takes a problem that was prepared elsewhere.
+    pub(super) fn install(&mut self, prepared: Prepared) {
+        self.problem = Some(prepared);
+        // What it was made of is no longer needed, and large.
+        self.background = Background::new(self.model.patch.size);
+    }
+
+    /// The picture that frames are compared with; none before there is one.
+    pub(super) fn reference(&self) -> Option<&PatchPair> {
+        self.problem.as_ref().map(|prepared| &prepared.reference)
+    }
+
+    /// By how much a picture differs from another in a way that would show, as a share of what noise may do: above 1, it
+    /// would be detected. None before there is a background.
+    pub(super) fn departure(&mut self, picture: &PatchPair, from: Option<&PatchPair>) -> Option<f64> {
+        let Prepared { problem, reference, aside: (difference, correlations), .. } = self.problem.as_mut()?;
+        picture.subtract(from.unwrap_or(reference), difference);
+        problem.projection.project(difference, correlations).ok()?;
+        let least = problem.lambda(correlations, 0.0);
+        Some(problem.solver.lambda_max(correlations) / least)
+    }
+
     /// How good the last frame's solution is among those from `starts` random starts; none before the first one.
     pub fn audit(&self, starts: usize) -> Option<Audit> {
         let Prepared { problem, correlations, solution, .. } = self.problem.as_ref()?;
@@ -85,28 +144,32 @@ impl Reconstructor {
     /// Reconstructs what changed against the empty room; none before that was learned. The first frame after learning
     /// takes longer: the problem is built for what was learned.
     pub fn reconstruct(&mut self, pair: &PatchPair) -> Result<Option<Reconstruction>, ProjectionError> {
+        self.reconstruct_in_noise(pair, 1.0)
+    }
+
+    /// The same for a frame with `excess` times the noise of the others.
+    pub fn reconstruct_in_noise(
+        &mut self,
+        pair: &PatchPair,
+        excess: f64,
+    ) -> Result<Option<Reconstruction>, ProjectionError> {
         let start = Instant::now();
-        if !self.background.difference(pair, &mut self.difference) {
-            return Ok(None);
-        }
+        let reference = match &self.problem {
+            Some(prepared) => &prepared.reference,
+            None if self.background.frames() > 0 => self.background.mean(),
+            None => return Ok(None),
+        };
+        pair.subtract(reference, &mut self.difference);
         let background_time = start.elapsed();
         let (model, background, difference) = (&self.model, &self.background, &self.difference);
-        let Prepared { problem, correlations, workspace, solution, refit } = self.problem.get_or_insert_with(|| {
-            let problem = Problem::new(model, background, difference);
-            Prepared {
-                correlations: problem.projection.correlations(),
-                workspace: problem.solver.workspace(),
-                solution: Solution::default(),
-                refit: Vec::new(),
-                problem,
-            }
-        });
+        let Prepared { problem, correlations, workspace, solution, refit, .. } =
+            self.problem.get_or_insert_with(|| Prepared::new(model, background, difference));
         let start = Instant::now();
         problem.projection.project(&self.difference, correlations)?;
         let project_time = start.elapsed();
         let start = Instant::now();
         let lambda_max = problem.solver.lambda_max(correlations);
-        let lambda = problem.lambda(correlations, lambda_max);
+        let lambda = problem.lambda_in_noise(correlations, lambda_max, excess);
         // What is known to end empty starts empty: nothing of the frame before can stay by mistake.
         let warm = self.warm_start && lambda_max > lambda;
         let from = if warm { Start::Previous } else { Start::Empty };
@@ -121,6 +184,8 @@ impl Reconstructor {
         problem.solver.refit(correlations, solution, refit);
         // As bright as measured: the penalty's shrinkage would leave a part of every facet's light to the gain.
         let gain = problem.projection.gain(correlations, |s, n| intensities(s, n).map(|x| refit[n] * x));
+        let per_value = (problem.values.max(1) as f64).recip();
+        let (energy, residual) = (per_value * correlations.energy, per_value * 2.0 * solution.data);
         let (solution, refit) = (solution.clone(), refit.clone());
         Ok(Some(Reconstruction {
             solution,
@@ -128,6 +193,8 @@ impl Reconstructor {
             refit,
             illumination,
             gain,
+            energy,
+            residual,
             background_time,
             project_time,
             solve_time,

@@ -195,7 +195,9 @@ fn solve(
                     recalibrated = true;
                 }
                 Command::End => return Ok(()),
-                Command::ResetBackground => engine.iter_mut().for_each(Engine::reset_background),
+                Command::ResetBackground => engine.iter_mut().for_each(|engine| {
+                    engine.reset_background();
+                }),
             }
         }
         let Captured { frame, time } = match mailbox.take(TICK) {

@@ -44,6 +44,9 @@ pub struct Update {
     /// explain: exposure, flicker, and whatever else lets all of the floor's light rise or fall alike. None while the empty
     /// room is learned, and with the published model, which knows no gain.
     pub gain: Option<Gain>,
+    /// What is known of the background where it is followed over time; left out where it is fixed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub background: Option<BackgroundReport>,
     /// The facets that changed.
     pub facets: Vec<FacetReport>,
     /// People: none until there is a tracker.
@@ -91,6 +94,18 @@ pub struct Gain {
     pub left: Rgb,
     /// At the right patch.
     pub right: Rgb,
+}
+
+/// The background that frames are compared with, or that is being learned.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct BackgroundReport {
+    /// Frames that it is the mean of, as many of equal weight.
+    pub frames: u64,
+    /// Seconds since it was learned; none while that goes on.
+    pub age_s: Option<f64>,
+    /// Of the time that learning takes in a still room, the share that has passed; 1 while waiting for the room to be still.
+    /// None once it is learned.
+    pub progress: Option<f64>,
 }
 
 /// One facet's change.
@@ -149,6 +164,7 @@ impl Update {
             model: model.kind.name(),
             illumination: Illumination::default(),
             gain: None,
+            background: None,
             facets: Vec::new(),
             tracks: Vec::new(),
             timing_ms,

@@ -1,0 +1,101 @@
+//! `[background]` and `[averaging]`: how the empty room is learned and followed, and how frames are averaged in time.
+
+use serde::{Deserialize, Serialize};
+
+use super::{ConfigError, within};
+use crate::measurement::Averaging;
+
+/// `[background]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BackgroundConfig {
+    /// Seconds for which the room must be still to be learned at the start.
+    pub learn_s: f64,
+    /// Seconds after which a start, also after a change of light, no longer waits for the room to be still.
+    pub learn_max_s: f64,
+    /// Seconds for which the room must be still to be learned anew.
+    pub relearn_s: f64,
+    /// Time constant with which the background follows frames in which nothing is detected.
+    pub adapt_s: f64,
+    /// Seconds after which what has not moved becomes a part of the background; 0 for never.
+    pub absorb_s: f64,
+    /// Seconds between two settings-up of the problem at most, as the background drifts.
+    pub rebuild_s: f64,
+    /// Sudden change of light that makes the background be learned anew, as a share of the light.
+    pub light_step: f64,
+    /// Seconds between two savings.
+    pub save_s: f64,
+    /// Seconds for which a saved background is good.
+    pub keep_s: f64,
+}
+
+impl Default for BackgroundConfig {
+    fn default() -> Self {
+        Self {
+            learn_s: 5.0,
+            learn_max_s: 30.0,
+            relearn_s: 2.0,
+            adapt_s: 60.0,
+            absorb_s: 1800.0,
+            rebuild_s: 300.0,
+            light_step: 0.05,
+            save_s: 600.0,
+            keep_s: 43_200.0,
+        }
+    }
+}
+
+impl BackgroundConfig {
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        within("background.learn_s", self.learn_s, 0.5, 600.0, "seconds")?;
+        within("background.learn_max_s", self.learn_max_s, self.learn_s, 3600.0, "seconds (not below learn_s)")?;
+        within("background.relearn_s", self.relearn_s, 0.5, self.learn_max_s, "seconds (not above learn_max_s)")?;
+        within("background.adapt_s", self.adapt_s, 1.0, 86_400.0, "seconds")?;
+        if self.absorb_s != 0.0 {
+            within("background.absorb_s", self.absorb_s, 10.0, 1e7, "seconds, or 0 for never")?;
+        }
+        within("background.rebuild_s", self.rebuild_s, 1.0, 86_400.0, "seconds")?;
+        within("background.light_step", self.light_step, 0.01, 1.0, "(a share of the light)")?;
+        within("background.save_s", self.save_s, 10.0, 86_400.0, "seconds")?;
+        within("background.keep_s", self.keep_s, 0.0, 1e7, "seconds")
+    }
+}
+
+/// `[averaging]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AveragingConfig {
+    /// How.
+    pub mode: Averaging,
+    /// Over what time: the time constant, or the length of the boxcar.
+    pub time_s: f64,
+}
+
+impl Default for AveragingConfig {
+    fn default() -> Self {
+        Self { mode: Averaging::None, time_s: 0.5 }
+    }
+}
+
+impl AveragingConfig {
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        within("averaging.time_s", self.time_s, 0.02, 10.0, "seconds")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Config;
+
+    #[test]
+    fn values_out_of_range_name_their_key() {
+        let error = |text: &str| Config::parse(text).expect_err("refused").to_string();
+        let learn = error("[background]\nlearn_s = 40\n");
+        assert_eq!(learn, "background.learn_max_s is 30, expected 40 to 3600 seconds (not below learn_s)");
+        assert!(error("[background]\nabsorb_s = 1\n").ends_with("expected 10 to 10000000 seconds, or 0 for never"));
+        assert!(Config::parse("[background]\nabsorb_s = 0\n").is_ok());
+        assert!(error("[background]\nadapt_s = nan\n").starts_with("background.adapt_s is NaN"));
+        assert!(error("[averaging]\ntime_s = 0\n").starts_with("averaging.time_s is 0, expected 0.02"));
+        assert!(error("[averaging]\nmode = \"mean\"\n").contains("expected one of `none`, `exponential`, `boxcar`"));
+    }
+}

@@ -1,0 +1,112 @@
+//! The rolling background over minutes of a simulated room: who stays on the map, what leaves it, and what the light may do.
+
+mod live_room;
+
+use doorcam::pipeline::State;
+use doorcam::simulation::{Renderer, Scenario};
+use live_room::{Camera, config, lit, person, rooms, scenario, states};
+
+fn share_lit(updates: &[doorcam::pipeline::Published]) -> f64 {
+    updates.iter().filter(|u| lit(u) > 0).count() as f64 / updates.len() as f64
+}
+
+#[test]
+fn who_walks_through_at_the_start_is_not_in_the_background() {
+    for (what, scenario) in rooms() {
+        let mut camera = Camera::new(&scenario, &config(), 10.0);
+        let start = camera.walk([-1.3, 1.2], [1.3, 1.0], 0.8);
+        assert!(start.iter().all(|u| u.update.state == State::Learning && lit(u) == 0));
+        let progress: Vec<f64> = start.iter().map(|u| u.update.background.unwrap().progress.unwrap()).collect();
+        assert!(progress.windows(2).all(|w| w[1] >= w[0]), "{progress:?}");
+        let then = camera.empty(10.0);
+        let began = states(&then).iter().position(|s| *s == State::Watching).expect("watching") as f64 / 10.0;
+        eprintln!("{what}: watching {began} s after somebody left");
+        assert!((4.0..7.0).contains(&began), "{what}: {began}");
+        let empty = camera.empty(10.0);
+        assert_eq!(share_lit(&empty), 0.0, "{what}");
+        let light = camera.renderer.render(vec![person([0.1, 1.3])]);
+        assert!(lit(&camera.see(&light)) > 0, "{what}");
+    }
+}
+
+#[test]
+fn who_stands_still_for_ten_minutes_stays_on_the_map() {
+    let mut camera = Camera::new(&scenario(0.4, 2.0), &config(), 4.0);
+    camera.empty(60.0);
+    let there = camera.renderer.render(vec![person([0.2, 1.3])]);
+    let standing = camera.look(&there, 600.0);
+    assert!(standing.iter().all(|u| u.update.state == State::Watching));
+    let shown = share_lit(&standing);
+    let measured = |f: &doorcam::pipeline::FacetReport| f64::from(f.refit * (f.left[1] + f.right[1]));
+    let strength = |u: &doorcam::pipeline::Published| u.update.facets.iter().map(measured).sum::<f64>();
+    let mean = |all: &[doorcam::pipeline::Published]| all.iter().map(strength).sum::<f64>() / all.len() as f64;
+    let (first, last) = (mean(&standing[..100]), mean(&standing[standing.len() - 100..]));
+    eprintln!("shown in {:.1} % of frames; signal after ten minutes {:.3} of the first", 100.0 * shown, last / first);
+    assert!(shown > 0.999 && (0.95..1.05).contains(&(last / first)), "{shown} {first} {last}");
+    // Nothing of them stays behind.
+    assert_eq!(share_lit(&camera.empty(20.0)), 0.0);
+}
+
+#[test]
+fn a_moved_chair_is_absorbed_in_time_and_at_once_when_asked() {
+    let mut config = config();
+    config.background.absorb_s = 60.0;
+    let mut camera = Camera::new(&scenario(0.4, 2.0), &config, 4.0);
+    camera.empty(15.0);
+    let chair = doorcam::simulation::direct::Cylinder { height_m: 0.9, radius_m: 0.25, ..person([-0.4, 1.1]) };
+    let moved = camera.renderer.render(vec![chair]);
+    assert_eq!(share_lit(&camera.look(&moved, 20.0)), 1.0);
+    // Somebody passes and hides it for a while.
+    for k in 0..40 {
+        let light = camera.renderer.render(vec![chair, person([-1.0 + 0.05 * k as f64, 1.8])]);
+        camera.see(&light);
+    }
+    let then = camera.look(&moved, 60.0);
+    let gone = then.iter().position(|u| lit(u) == 0).expect("absorbed") as f64 / 4.0;
+    eprintln!("absorbed after {} s", 30.0 + gone);
+    assert!((36.0..44.0).contains(&gone), "{gone}");
+    assert!(then[(4.0 * gone) as usize + 8..].iter().all(|u| lit(u) == 0 && u.update.state == State::Watching));
+    // It goes back; this time somebody asks.
+    let back = camera.empty(5.0);
+    assert!(share_lit(&back) > 0.9);
+    assert!(camera.engine.reset_background());
+    let after = camera.empty(6.0);
+    let states = states(&after);
+    assert_eq!(states[0], State::Relearning);
+    let watching = states.iter().position(|s| *s == State::Watching).expect("watching") as f64 / 4.0;
+    assert!(watching <= 3.0, "{watching}");
+    assert_eq!(share_lit(&after), 0.0);
+}
+
+/// The same room with its walls lit otherwise: by a lamp at the left that is `factor` as bright.
+fn other_lamp(scenario: &Scenario, factor: f64) -> Renderer {
+    let mut scenario = scenario.clone();
+    let of_lamp = [1.0, 0.7, 0.2, 0.4, 0.2];
+    let walls = scenario.walls.iter_mut().zip(of_lamp);
+    walls.for_each(|(wall, share)| wall.radiance = wall.radiance.map(|v| v * (1.0 + (factor - 1.0) * share)));
+    Renderer::new(&scenario)
+}
+
+#[test]
+fn a_lamp_that_drifts_slowly_is_followed() {
+    let scenario = scenario(0.4, 2.0);
+    let mut camera = Camera::new(&scenario, &config(), 2.0);
+    camera.empty(15.0);
+    let (from, to) = (camera.renderer.empty().clone(), other_lamp(&scenario, 2.0).empty().clone());
+    let (mut shown, mut frames) = (0, 0);
+    // Twice as bright within the hour.
+    for k in 0..7200 {
+        let share = k as f32 / 7200.0;
+        let light = live_room::change(&from, |side, pixel, v| {
+            let channel = |p: usize| (from.side(side).plane(p)[pixel], to.side(side).plane(p)[pixel]);
+            let (_, end) = (0..3).map(channel).find(|&(x, _)| x == v).unwrap_or((v, v));
+            v + share * (end - v)
+        });
+        let update = camera.see(&light);
+        assert!(k < 30 || update.update.state == State::Watching, "frame {k}");
+        shown += usize::from(lit(&update) > 0);
+        frames += 1;
+    }
+    eprintln!("a lamp that becomes twice as bright in an hour: {shown} of {frames} frames show something");
+    assert!(f64::from(u32::try_from(shown).unwrap()) < 0.01 * f64::from(frames));
+}
