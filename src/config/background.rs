@@ -38,7 +38,7 @@ impl Default for BackgroundConfig {
             adapt_s: 60.0,
             absorb_s: 1800.0,
             rebuild_s: 300.0,
-            light_step: 0.05,
+            light_step: 0.02,
             save_s: 600.0,
             keep_s: 43_200.0,
         }
@@ -55,7 +55,7 @@ impl BackgroundConfig {
             within("background.absorb_s", self.absorb_s, 10.0, 1e7, "seconds, or 0 for never")?;
         }
         within("background.rebuild_s", self.rebuild_s, 1.0, 86_400.0, "seconds")?;
-        within("background.light_step", self.light_step, 0.01, 1.0, "(a share of the light)")?;
+        within("background.light_step", self.light_step, 0.005, 1.0, "(a share of the light)")?;
         within("background.save_s", self.save_s, 10.0, 86_400.0, "seconds")?;
         within("background.keep_s", self.keep_s, 0.0, 1e7, "seconds")
     }

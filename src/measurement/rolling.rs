@@ -67,14 +67,25 @@ impl RollingBackground {
         if self.deviations.len() < KEPT || self.since_kept_s >= adapt_s / KEPT as f64 {
             self.since_kept_s = 0.0;
             let oldest = if self.deviations.len() == KEPT { self.deviations.pop_front() } else { None };
-            let mut kept = oldest.and_then(Arc::into_inner).unwrap_or_else(|| PatchPair::zeros(pair.left.size()));
-            deviation(pair, &self.mean, &mut kept);
-            self.deviations.push_back(Arc::new(kept));
+            let mut kept = oldest.unwrap_or_else(|| Arc::new(PatchPair::zeros(pair.left.size())));
+            // A snapshot may still hold it.
+            if Arc::get_mut(&mut kept).is_none() {
+                kept = Arc::new(PatchPair::zeros(pair.left.size()));
+            }
+            // A frame of a loop, seen again, has no noise of its own to tell of.
+            if Arc::get_mut(&mut kept).is_some_and(|kept| deviation(pair, &self.mean, kept)) {
+                self.deviations.push_back(kept);
+            }
         }
         self.follow(pair, step_s, adapt_s);
     }
 
-    /// The same for the mean alone: what is known of the noise stays.
+    /// How many frames there are to tell the noise from.
+    pub fn deviations(&self) -> usize {
+        self.deviations.len()
+    }
+
+    /// Follows a frame with the mean alone: what is known of the noise stays.
     pub fn follow(&mut self, pair: &PatchPair, step_s: f64, adapt_s: f64) {
         let fading = 1.0 - (-step_s.max(0.0) / adapt_s).exp();
         let share = fading.max(1.0 / (self.averaged + 1.0));
@@ -121,8 +132,9 @@ impl Snapshot {
     }
 }
 
-/// Writes x / g − mean into `out`, with the gain g of each patch's colours by least squares.
-fn deviation(x: &PatchPair, mean: &PatchPair, out: &mut PatchPair) {
+/// Writes x / g − mean into `out`, with the gain g of each patch's colours by least squares; false if that is nothing at all.
+fn deviation(x: &PatchPair, mean: &PatchPair, out: &mut PatchPair) -> bool {
+    let mut any = false;
     for side in Side::BOTH {
         for channel in 0..3 {
             let (x, mean) = (x.side(side).plane(channel), mean.side(side).plane(channel));
@@ -133,9 +145,13 @@ fn deviation(x: &PatchPair, mean: &PatchPair, out: &mut PatchPair) {
             }
             let inverse = if both > 0.0 && square > 0.0 { (square / both) as f32 } else { 1.0 };
             let values = out.side_mut(side).plane_mut(channel).iter_mut();
-            values.zip(x.iter().zip(mean)).for_each(|(out, (x, mean))| *out = x * inverse - mean);
+            values.zip(x.iter().zip(mean)).for_each(|(out, (x, mean))| {
+                *out = x * inverse - mean;
+                any |= *out != 0.0;
+            });
         }
     }
+    any
 }
 
 #[cfg(test)]

@@ -85,11 +85,15 @@ const MOVED: f64 = 0.25;
 const MOVED_LIGHT: f64 = 0.02;
 /// Seconds between two settings-up, at least.
 const REBUILT_S: f64 = 5.0;
+/// Frames from which on the noise is measured well enough to set the problem up anew.
+const ENOUGH: usize = 4;
 /// Frames that a start needs, and that learning anew needs.
 const FRAMES: usize = 12;
 const FRAMES_AGAIN: usize = 8;
 /// Frames in a row that must fit the old background for it to be taken up again.
 const FITTING: usize = 3;
+/// So many steps of light may be between it and what is seen.
+const NEAR: f64 = 2.0;
 
 impl Keeper {
     /// With the background that is in the store, if it is right for this model; otherwise with nothing yet. `apart_s` says how
@@ -253,7 +257,7 @@ impl Keeper {
             let now = light(seen.raw, &reconstructor.model().counted);
             let near = (0..6).all(|k| {
                 let (now, then) = (now[k / 3][k % 3], self.reference[k / 3][k % 3]);
-                (now - then).abs() <= self.config.light_step / 2.0 * then
+                (now - then).abs() <= NEAR * self.config.light_step * then
             });
             *fits = if fitting && near { *fits + 1 } else { 0 };
             if *fits >= FITTING {
@@ -363,7 +367,9 @@ impl Keeper {
     /// Sets the problem up for the background of now when the one in use no longer fits, beside the frames.
     fn rebuild_if_due(&mut self, reconstructor: &mut Reconstructor) {
         let Some(rolling) = &self.rolling else { return };
-        if self.rebuilding.is_some() || self.timers.checked < CHECK_S || self.timers.built < REBUILT_S {
+        let early = self.timers.checked < CHECK_S || self.timers.built < REBUILT_S;
+        // What was learned from a single frame has its noise guessed from frames that differ from it.
+        if self.rebuilding.is_some() || early || rolling.deviations() < ENOUGH {
             return;
         }
         self.timers.checked = 0.0;

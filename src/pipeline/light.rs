@@ -72,8 +72,9 @@ struct Moment {
     gain: Light,
 }
 
-/// A step must be over within this time, or between two frames.
-const AT_ONCE_S: f64 = 0.12;
+/// A step must be over from one frame to the next, or within this time: it may fall into an exposure. In a quarter of a second
+/// nobody starts, goes anywhere and stops.
+const AT_ONCE_S: f64 = 0.25;
 /// For so long it must be still before and after, with this many frames.
 const STILL_S: f64 = 0.25;
 const STILL_FRAMES: usize = 3;
@@ -82,8 +83,10 @@ const STILL: f64 = 0.2;
 /// Moments that are kept: enough for both sides of a step at any rate of frames.
 const MOMENTS: usize = 256;
 const MEMORY_S: f64 = 3.0;
-/// Slow changes must be this many times as strong as sudden ones.
-const SLOW: f64 = 3.0;
+/// Slow changes must be this many times as strong as sudden ones: clouds pass, and no map minds a gain.
+const SLOW: f64 = 7.5;
+/// What facets do not explain of a step must be this share of one that counts.
+const GAIN: f64 = 0.5;
 /// An even change must last this long, an unexplained one this long.
 const EVEN_S: f64 = 0.5;
 const UNEXPLAINED_S: f64 = 3.0;
@@ -158,7 +161,7 @@ impl LightWatch {
         }
         self.verified = self.frames >= VERIFIED;
         let off = strongest(relative);
-        (self.verified && off.abs() > 2.0 * self.step).then_some(Change::Saved(off))
+        (self.verified && off.abs() > SLOW * self.step).then_some(Change::Saved(off))
     }
 
     fn sudden(&self, found: &Reconstruction) -> Option<Change> {
@@ -171,8 +174,7 @@ impl LightWatch {
                 .find(|&from| at(end - 1).seconds - at(from).seconds >= STILL_S)
         };
         let after = span(self.recent.len())?;
-        // The frame right before, or the one before that if the step fell into an exposure, or any within the time.
-        let at_once = |end: &usize| after - end <= 1 || at(after).seconds - at(end - 1).seconds <= AT_ONCE_S;
+        let at_once = |&end: &usize| end == after || at(after).seconds - at(end - 1).seconds <= AT_ONCE_S;
         (1..=after).rev().take_while(at_once).find_map(|end| {
             let before = span(end)?;
             let (old, new) = (Stretch::of(before..end, at), Stretch::of(after..self.recent.len(), at));
@@ -181,7 +183,7 @@ impl LightWatch {
             let still = 2.0 * old.deviation.max(new.deviation) <= STILL * off.abs();
             // On one patch alone it is hardly the light.
             let both = change.iter().all(|rgb| mean(rgb) * off > 0.0 && mean(rgb).abs() > self.step / 4.0);
-            let unexplained = strongest(ratio(new.gain, old.gain)).abs() > self.step
+            let unexplained = strongest(ratio(new.gain, old.gain)).abs() > GAIN * self.step
                 || self.unexplained(found).is_some_and(|share| share > UNEXPLAINED);
             (off.abs() > self.step && still && both && unexplained).then_some(Change::Step(off))
         })
