@@ -44,6 +44,7 @@ pub(super) struct Arguments {
 struct Watch {
     source: Box<dyn Source>,
     engine: Option<Engine>,
+    setup: Setup,
     calibration: Option<Calibration>,
     keeping: Keeping,
     info: SourceInfo,
@@ -112,7 +113,8 @@ fn replay(
         fps: recording.manifest.fps,
     };
     let source = Box::new(Replay::new(recording, options, SystemClock::default()));
-    Ok(Watch { source, engine: Some(engine), calibration: kept.or(own), keeping, info })
+    let setup = Setup::new(config.clone());
+    Ok(Watch { source, engine: Some(engine), setup, calibration: kept.or(own), keeping, info })
 }
 
 #[cfg(feature = "v4l2")]
@@ -127,7 +129,14 @@ fn camera(config: &Config, name: &str, spec: &str, file: Option<&Path>) -> anyho
     let store = CalibrationStore::new(file);
     let calibration = store.load()?;
     let named = || store.file().display().to_string();
-    let setup = Setup::new(config.clone());
+    let directory = config.storage.directory();
+    let locked = Arc::new(Locked::new(directory.as_ref().map(|directory| directory.join("controls.json"))));
+    let mut setup = Setup::new(config.clone());
+    if let Some(directory) = directory {
+        let (locked, options) = (Arc::clone(&locked), config.camera.options());
+        setup = setup
+            .keeping(directory.join("background.bin"), move || format!("{:?}; {}", options.controls, locked.words()));
+    }
     let engine = calibration.as_ref().map(|c| setup.engine(c)).transpose().with_context(named)?;
     let mut options = config.camera.options();
     match &calibration {
@@ -135,11 +144,10 @@ fn camera(config: &Config, name: &str, spec: &str, file: Option<&Path>) -> anyho
         Some(calibration) => options.wish.size = calibration.size.map(|side| u32::try_from(side).unwrap_or(u32::MAX)),
         None => tracing::info!("the camera is not calibrated yet: open the page to do so"),
     }
-    let controls = config.storage.directory().map(|directory| directory.join("controls.json"));
-    let camera = V4l2Camera::new(name, options, Locked::new(controls));
+    let camera = V4l2Camera::new(name, options, locked);
     let source = Box::new(Supervisor::new(camera, SystemClock::default(), u64::from(std::process::id())));
     let info = SourceInfo { spec: spec.into(), kind: "v4l2", notes: String::new(), fps: config.camera.fps };
-    Ok(Watch { source, engine, calibration, keeping: Keeping::File(store), info })
+    Ok(Watch { source, engine, setup, calibration, keeping: Keeping::File(store), info })
 }
 
 #[cfg(not(feature = "v4l2"))]
@@ -156,7 +164,7 @@ fn recorder() -> Option<PrometheusHandle> {
 
 /// Shows what is watched to whoever connects, until interrupted.
 fn serve(config: &Config, watch: Watch, listen: Option<SocketAddr>) -> anyhow::Result<()> {
-    let Watch { source, engine, calibration, keeping, info } = watch;
+    let Watch { source, engine, setup, calibration, keeping, info } = watch;
     let spec = info.spec.clone();
     // Before the hub: what counts without a recorder counts for nobody.
     let metrics = recorder();
@@ -178,7 +186,6 @@ fn serve(config: &Config, watch: Watch, listen: Option<SocketAddr>) -> anyhow::R
                 }
             });
         }
-        let setup = Setup::new(config.clone());
         let calibrator = Calibrator::new(setup, keeping, calibration, Arc::clone(&hub), running.control().clone());
         tracing::info!("watching {spec}: the page is at http://{}", server.address());
         server

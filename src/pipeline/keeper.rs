@@ -355,11 +355,10 @@ impl Keeper {
         match self.rebuilding.take().map(Job::poll) {
             None => {}
             Some(Err(running)) => self.rebuilding = Some(running),
-            Some(Ok(prepared)) => {
-                if let Some(prepared) = prepared {
-                    reconstructor.install(prepared);
-                    self.use_reference(reconstructor);
-                }
+            Some(Ok(None)) => {}
+            Some(Ok(Some(prepared))) => {
+                reconstructor.install(prepared);
+                self.use_reference(reconstructor);
             }
         }
     }

@@ -1,19 +1,33 @@
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::{Engine, FrameReader, Model, Reconstructor, SetupError};
+use super::{BackgroundStore, Engine, FrameReader, Model, Reconstructor, SetupError};
 use crate::config::Config;
 use crate::measurement::{Calibration, Check};
 
-/// What makes an engine of a calibration: the configuration.
-#[derive(Debug, Clone)]
+/// What makes an engine of a calibration: the configuration, and where the background is kept.
+#[derive(Clone)]
 pub struct Setup {
     config: Config,
+    kept: Option<KeptBackground>,
+}
+
+#[derive(Clone)]
+struct KeptBackground {
+    file: PathBuf,
+    settings: Arc<dyn Fn() -> String + Send + Sync>,
 }
 
 impl Setup {
     /// With everything but the calibration.
     pub fn new(config: Config) -> Self {
-        Self { config }
+        Self { config, kept: None }
+    }
+
+    /// Keeps the background in `file`, for as long as what `settings` says of the camera stays the same.
+    pub fn keeping(mut self, file: PathBuf, settings: impl Fn() -> String + Send + Sync + 'static) -> Self {
+        self.kept = Some(KeptBackground { file, settings: Arc::new(settings) });
+        self
     }
 
     /// What a calibration would be worth.
@@ -26,7 +40,11 @@ impl Setup {
         let calibration = self.complete(calibration);
         let reader = FrameReader::for_calibration(&self.config, &calibration)?;
         let model = Model::new(&self.config, calibration.doorway, reader.patch(), reader.seen())?;
-        Ok(Engine::new(reader, Reconstructor::new(Arc::new(model), true)))
+        let store = self.kept.clone().map(|KeptBackground { file, settings }| {
+            BackgroundStore::new(file, move || format!("{calibration:?}; {}", settings()))
+        });
+        let engine = Engine::new(reader, Reconstructor::new(Arc::new(model), true));
+        Ok(engine.averaging(&self.config.averaging).rolling(&self.config.background, store))
     }
 
     /// With the lens and the transfer function of the configuration, where the calibration does not tell.

@@ -5,24 +5,25 @@ use super::job::{Job, Work};
 use crate::measurement::{Fingerprint, LoadError, Snapshot};
 
 /// Where the background is kept from one run to the next.
-#[derive(Debug)]
 pub struct BackgroundStore {
     path: PathBuf,
-    settings: String,
+    settings: Box<dyn Fn() -> String + Send>,
+    more: String,
     saving: Option<Job<()>>,
 }
 
 impl BackgroundStore {
     /// A file, and in any words all that makes a background of this camera worthless when it changes and that the model of
-    /// the doorway does not know: the image's size, the calibration, exposure, gain and white balance.
-    pub fn new(path: impl Into<PathBuf>, settings: impl Into<String>) -> Self {
-        Self { path: path.into(), settings: settings.into(), saving: None }
+    /// the doorway does not know: the image's size, the calibration, exposure, gain and white balance. It is asked for anew each
+    /// time, because some of it is found while frames come.
+    pub fn new(path: impl Into<PathBuf>, settings: impl Fn() -> String + Send + 'static) -> Self {
+        Self { path: path.into(), settings: Box::new(settings), more: String::new(), saving: None }
     }
 
     /// Adds to the settings.
     pub(super) fn add(&mut self, setting: &str) {
-        self.settings.push_str("; ");
-        self.settings.push_str(setting);
+        self.more.push_str("; ");
+        self.more.push_str(setting);
     }
 
     /// What was saved, if it is of this doorway, camera and exposure and at most `keep_s` seconds old; says what it does not
@@ -69,7 +70,7 @@ impl BackgroundStore {
                 runs.push_str(&format!("{}{},", if run[0] { '+' } else { '-' }, run.len()));
             }
         }
-        let settings = &self.settings;
-        Fingerprint::new(format!("{:?}; {:?}; {runs}; {settings}", model.doorway, model.patch))
+        let (settings, more) = ((self.settings)(), &self.more);
+        Fingerprint::new(format!("{:?}; {:?}; {runs}; {settings}{more}", model.doorway, model.patch))
     }
 }

@@ -63,7 +63,10 @@ impl Camera {
     }
 
     pub fn with_store(scenario: &Scenario, config: &Config, fps: f64, store: Option<(&Path, &str)>) -> Self {
-        let store = store.map(|(path, settings)| BackgroundStore::new(path, settings));
+        let store = store.map(|(path, settings)| {
+            let settings = settings.to_owned();
+            BackgroundStore::new(path, move || settings.clone())
+        });
         let engine = engine(scenario.doorway, config, scenario.patch.fov_m);
         let engine = engine.averaging(&config.averaging).rolling_with(&config.background, store, Work::InPlace);
         Self { renderer: Renderer::new(scenario), scenario: scenario.clone(), engine, fps, frame: 0 }

@@ -48,6 +48,11 @@ impl Locked {
         result
     }
 
+    /// In words that change when a value does.
+    pub fn words(&self) -> String {
+        format!("{:?}", *self.lock())
+    }
+
     fn lock(&self) -> MutexGuard<'_, Kept> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }

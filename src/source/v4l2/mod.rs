@@ -26,8 +26,8 @@ pub struct V4l2Camera {
 
 impl V4l2Camera {
     /// `name` is a path (`/dev/video0`, `/dev/v4l/by-id/...`), a name below `/dev/v4l/by-id`, or the card's name.
-    pub fn new(name: impl Into<String>, options: CameraOptions, locked: Locked) -> Self {
-        Self { name: name.into(), options, identity: None, locked: Arc::new(locked) }
+    pub fn new(name: impl Into<String>, options: CameraOptions, locked: Arc<Locked>) -> Self {
+        Self { name: name.into(), options, identity: None, locked }
     }
 }
 
