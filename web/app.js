@@ -8,6 +8,7 @@ import { LiveSocket } from "./live.js";
 import { RoomMap } from "./map/map.js";
 import { DifferencePicture } from "./panels/difference.js";
 import { showLitFacets } from "./panels/lit-facets.js";
+import { showSource } from "./panels/source.js";
 import { showConnection, showStatus, showUpdate, showWatchState } from "./panels/status.js";
 import { Tooltip } from "./panels/tooltip.js";
 import { showTracks } from "./panels/tracks.js";
@@ -121,6 +122,8 @@ function acceptStatus(fresh) {
   const last = fresh.last_update;
   if (last && last.sequence === newest?.sequence) newestAtS = Math.min(newestAtS, statusAtS - last.age_s);
   showStatus(fresh);
+  showSource(fresh);
+  refreshConnection();
 }
 
 async function pollStatus() {

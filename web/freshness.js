@@ -1,4 +1,5 @@
 import { duration } from "./format.js";
+import { sourceWords } from "./source-words.js";
 
 /** @import { Phase } from "./live.js" */
 /** @import { Status, WatchState } from "./types.js" */
@@ -63,13 +64,7 @@ export function judge(evidence) {
 }
 
 /** @param {Status | null} status */
-function sourceTrouble(status) {
-  if (status?.source.state === "ended") return "Recording ended";
-  if (status?.source.state === "failed") {
-    return status.source.error ? `Source failed: ${status.source.error}` : "Source failed";
-  }
-  return null;
-}
+const sourceTrouble = (status) => status && sourceWords(status.source).trouble;
 
 /** @param {Status | null} status */
 function beforeFirst(status) {

@@ -58,6 +58,30 @@
  * @property {Record<string, number>} timing_ms
  */
 
+/** @typedef {"opening" | "streaming" | "stalled" | "lost" | "backing-off" | "ended" | "failed"} SourceState */
+
+/**
+ * What a camera really does, read back from it.
+ * @typedef {object} Granted
+ * @property {string} node
+ * @property {string} card
+ * @property {string} format
+ * @property {[number, number]} size
+ * @property {number} fps
+ * @property {string[]} mismatches  each a line for people: what was asked for and what the camera has
+ */
+
+/**
+ * @typedef {object} Source
+ * @property {string} spec
+ * @property {string} kind
+ * @property {SourceState} state
+ * @property {string | null} notes
+ * @property {number | null} fps
+ * @property {string | null} error
+ * @property {Granted | null} granted
+ */
+
 /**
  * @typedef {object} Status
  * @property {string} version
@@ -66,13 +90,13 @@
  * @property {string} model
  * @property {string | null} preset
  * @property {number} lambda
- * @property {{ spec: string, kind: string, state: "opening" | "streaming" | "ended" | "failed",
- *              notes: string | null, fps: number | null, error: string | null }} source
- * @property {{ captured: number, solved: number, dropped: number, skipped: number,
+ * @property {Source} source
+ * @property {{ captured: number, solved: number, dropped: number, skipped: number, lost: number,
  *              last_skipped: string | null }} frames
  * @property {{ captured: number, solved: number }} rate_hz
  * @property {{ sequence: number, age_s: number } | null} last_update
  * @property {number} clients
+ * @property {{ state: string, age_s: number | null, frames: number } | null} background
  */
 
 /** @typedef {{ layer: Layer, signs: Signs, brightness: Brightness }} Choice  what the selectors above the map say */

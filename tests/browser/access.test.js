@@ -1,9 +1,8 @@
 // The page for everyone: keyboard, narrow and wide windows, assistive technology, closed networks.
 
 import assert from "node:assert/strict";
-import { readFile } from "node:fs/promises";
-import { createRequire } from "node:module";
 import { describe, test } from "node:test";
+import { violations } from "./axe.js";
 import { DESKTOP, PHONE, draws, picture, reaches } from "./browser.js";
 import { twoPeople, update } from "./scene.js";
 import { visit } from "./visit.js";
@@ -41,7 +40,6 @@ describe("everyone", () => {
     });
   }
 
-  const axe = createRequire(import.meta.url).resolve("axe-core/axe.min.js");
   /** @type {[string, BrowserContextOptions][]} */
   const looks = [
     ["light", { viewport: DESKTOP, colorScheme: "light" }],
@@ -57,16 +55,9 @@ describe("everyone", () => {
       await draws(page, 25);
       await page.locator("#difference-image").waitFor();
       await picture(page, name);
-      // Through the debugger, for the page's own policy forbids foreign scripts.
-      await page.evaluate(await readFile(axe, "utf8"));
       for (const state of ["live", "stale"]) {
         await reaches(page, state);
-        const { violations } = await page.evaluate(() => /** @type {any} */ (window).axe.run({ resultTypes: ["violations"] }));
-        assert.deepEqual(
-          violations.map((/** @type {any} */ v) => `${v.impact} ${v.id}: ${v.nodes.map((/** @type {any} */ n) => n.html).join(" | ")}`),
-          [],
-          state,
-        );
+        assert.deepEqual(await violations(page), [], state);
         clearInterval(stream);
       }
       await picture(page, `${name}-stale`);

@@ -49,11 +49,33 @@ export function status() {
       notes: "Simulated: two people in an empty room, no camera involved.",
       fps: 10,
       error: null,
+      granted: null,
     },
-    frames: { captured: 7542, solved: 7540, dropped: 2, skipped: 1, last_skipped: "frames/00000003.jpg: unexpected end of file" },
+    frames: { captured: 7542, solved: 7540, dropped: 2, skipped: 1, lost: 0, last_skipped: "frames/00000003.jpg: unexpected end of file" },
     rate_hz: { captured: 10, solved: 10 },
     last_update: null,
     clients: 1,
+    background: { state: "learned", age_s: 312, frames: 200 },
+  };
+}
+
+/**
+ * The same daemon on a webcam.
+ * @returns {Status}
+ */
+export function cameraStatus() {
+  const base = status();
+  return {
+    ...base,
+    source: {
+      spec: "v4l2:/dev/v4l/by-id/usb-Example_Webcam_C270-video-index0",
+      kind: "v4l2",
+      state: "streaming",
+      notes: null,
+      fps: 30,
+      error: null,
+      granted: { node: "/dev/video0", card: "Example Webcam C270", format: "YUYV", size: [640, 360], fps: 30, mismatches: [] },
+    },
   };
 }
 

@@ -28,14 +28,10 @@ export function showConnection({ connection, label, notice }) {
 
 /** @param {Status} status */
 export function showStatus(status) {
-  const { source, frames, rate_hz: rate } = status;
-  byId("source").hidden = false;
-  setText(byId("source-spec"), source.spec);
-  byId("source-notes").hidden = !source.notes;
-  setText(byId("source-notes"), source.notes ?? "");
-
+  const { frames, rate_hz: rate } = status;
   setText(byId("dropped"), integer(frames.dropped));
   setText(byId("skipped"), integer(frames.skipped));
+  setText(byId("lost"), integer(frames.lost));
   byId("last-skipped-row").hidden = !frames.last_skipped;
   setText(byId("last-skipped"), frames.last_skipped ?? "");
   setText(byId("daemon-rate"), `${fixed(rate.captured, 1)}, ${fixed(rate.solved, 1)} a second`);
