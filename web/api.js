@@ -6,15 +6,49 @@ const BASE = new URL("api/v1/", document.baseURI);
 // An answer that does not come is worth as much as a refused connection.
 const TIMEOUT_MS = 5000;
 
-/** @param {string} name */
-async function getJson(name) {
+/** The daemon has answered, and the answer is no: in its own words. */
+export class Refusal extends Error {
+  /**
+   * @param {number} status
+   * @param {string} detail
+   */
+  constructor(status, detail) {
+    super(detail);
+    this.status = status;
+  }
+}
+
+/**
+ * @param {string} name
+ * @param {RequestInit} [options]
+ */
+async function ask(name, options) {
   const response = await fetch(new URL(name, BASE), {
     cache: "no-store",
     signal: AbortSignal.timeout(TIMEOUT_MS),
+    ...options,
   });
-  if (!response.ok) throw new Error(`${name}: HTTP ${response.status}`);
-  return response.json();
+  if (!response.ok) throw new Refusal(response.status, await detailOf(response, name));
+  return response;
 }
+
+/**
+ * @param {Response} response
+ * @param {string} name
+ * @returns {Promise<string>}
+ */
+async function detailOf(response, name) {
+  try {
+    const problem = await response.json();
+    if (problem.detail || problem.title) return problem.detail || problem.title;
+  } catch {
+    // Something between the page and the daemon has answered in its stead.
+  }
+  return `${name}: HTTP ${response.status}`;
+}
+
+/** @param {string} name */
+const getJson = async (name) => (await ask(name)).json();
 
 /** @returns {Promise<Geometry>} */
 export const getGeometry = () => getJson("geometry");
@@ -24,6 +58,11 @@ export const getStatus = () => getJson("status");
 
 /** @returns {Promise<Update>} */
 export const getReconstruction = () => getJson("reconstruction");
+
+/** Have the still room learned anew. */
+export async function resetBackground() {
+  await ask("background/reset", { method: "POST" });
+}
 
 /** @param {number} sequence  keeps the browser from showing a cached picture */
 export const differenceUrl = (sequence) => new URL(`difference.png?sequence=${sequence}`, BASE).href;

@@ -8,6 +8,7 @@ import { LiveSocket } from "./live.js";
 import { RoomMap } from "./map/map.js";
 import { DifferencePicture } from "./panels/difference.js";
 import { showLitFacets } from "./panels/lit-facets.js";
+import { ResetButton } from "./panels/reset.js";
 import { showSource } from "./panels/source.js";
 import { showConnection, showStatus, showUpdate, showWatchState } from "./panels/status.js";
 import { Tooltip } from "./panels/tooltip.js";
@@ -25,6 +26,7 @@ const scales = new LayerScales();
 const difference = new DifferencePicture();
 const map = new RoomMap(byId("map", HTMLCanvasElement), drawn);
 const tooltip = new Tooltip(map);
+const reset = new ResetButton();
 const live = new LiveSocket(liveUrl(), { onPhase, onMessage });
 
 /** @type {Update | null} */
@@ -175,7 +177,9 @@ function refreshConnection() {
   });
   showConnection(verdict);
   const known = verdict.connection === "live" || verdict.connection === "waiting";
-  showWatchState(known ? (newest?.state ?? status?.state ?? null) : null);
+  const watch = newest?.state ?? status?.state ?? null;
+  showWatchState(known ? watch : null);
+  reset.follow(live.phase === "open" && status !== null, watch);
 }
 
 function refreshPanels() {

@@ -38,3 +38,16 @@ export function tableRow(cells) {
   for (let i = 0; i < cells; i += 1) row.append(document.createElement("td"));
   return row;
 }
+
+/**
+ * A button that cannot be used now. Not `disabled`, which would take the keyboard's focus away from
+ * whoever has just pressed it: its own listener must look.
+ * @param {HTMLButtonElement} button
+ * @param {boolean} unavailable
+ */
+export function setUnavailable(button, unavailable) {
+  if (isUnavailable(button) !== unavailable) button.setAttribute("aria-disabled", String(unavailable));
+}
+
+/** @param {HTMLButtonElement} button */
+export const isUnavailable = (button) => button.getAttribute("aria-disabled") === "true";

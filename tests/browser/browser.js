@@ -114,6 +114,19 @@ export function pixels(page) {
 }
 
 /**
+ * Until something outside the page is so.
+ * @param {() => unknown} is  may be a promise
+ * @param {string} what
+ */
+export async function until(is, what) {
+  const end = Date.now() + 10000;
+  while (!(await is())) {
+    if (Date.now() > end) throw new Error(`not in time: ${what}`);
+    await new Promise((done) => setTimeout(done, 20));
+  }
+}
+
+/**
  * @param {Page} page
  * @param {string} name
  */

@@ -1,7 +1,7 @@
 // The daemon's contract without the daemon: web/ from disk, scripted answers and updates.
 
 import { readFile } from "node:fs/promises";
-import { createServer } from "node:http";
+import { STATUS_CODES, createServer } from "node:http";
 import { extname, join, normalize } from "node:path";
 import { fileURLToPath } from "node:url";
 import { WebSocketServer } from "ws";
@@ -31,6 +31,9 @@ export class Mock {
     /** @type {Update | null} */
     this.latest = null;
     this.latestAt = 0;
+    this.resets = 0;
+    /** @type {string | null} Why the next change is refused. */
+    this.refusal = null;
     this.port = 0;
     /** @type {string[]} */
     this.requests = [];
@@ -82,8 +85,10 @@ export class Mock {
     // The strictest policy the daemon may set: the page must work under it.
     response.setHeader("content-security-policy", "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
     response.setHeader("x-content-type-options", "nosniff");
-    if (pathname.startsWith(API)) this.#answerApi(pathname.slice(API.length), response);
-    else await this.#answerAsset(pathname, response);
+    const name = pathname.slice(API.length);
+    if (!pathname.startsWith(API)) return this.#answerAsset(pathname, response);
+    if (request.method === "GET") return this.#answerApi(name, response);
+    this.#change(`${request.method} ${name}`, response);
   }
 
   /**
@@ -99,6 +104,20 @@ export class Mock {
     if (name === "difference.png" && this.latest && this.hasPictures) {
       response.setHeader("content-type", "image/png");
       return response.end(differencePicture(this.latest.sequence));
+    }
+    return problem(response);
+  }
+
+  /**
+   * @param {string} what
+   * @param {ServerResponse} response
+   */
+  #change(what, response) {
+    if (this.refusal) return problem(response, 422, this.refusal);
+    if (what === "POST background/reset") {
+      this.resets += 1;
+      response.writeHead(202);
+      return response.end();
     }
     return problem(response);
   }
@@ -129,10 +148,14 @@ function json(response, value) {
   response.end(JSON.stringify(value));
 }
 
-/** @param {ServerResponse} response */
-function problem(response) {
-  response.writeHead(404, { "content-type": "application/problem+json" });
-  response.end(JSON.stringify({ type: "about:blank", title: "Not Found", status: 404 }));
+/**
+ * @param {ServerResponse} response
+ * @param {number} [status]
+ * @param {string} [detail]
+ */
+function problem(response, status = 404, detail) {
+  response.writeHead(status, { "content-type": "application/problem+json" });
+  response.end(JSON.stringify({ title: STATUS_CODES[status], status, detail }));
 }
 
 /** @param {number} sequence */

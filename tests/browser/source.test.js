@@ -1,8 +1,8 @@
-// What the page says of its source when that is a camera.
+// What the page says of its source when that is a camera, and the background's reset.
 
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
-import { DESKTOP, PHONE, picture, reaches } from "./browser.js";
+import { DESKTOP, PHONE, picture, reaches, until } from "./browser.js";
 import { violations } from "./axe.js";
 import { cameraStatus, twoPeople, update } from "./scene.js";
 import { visit } from "./visit.js";
@@ -94,4 +94,46 @@ describe("source", () => {
       assert.deepEqual(complaints, []);
     });
   }
+});
+
+describe("background", () => {
+  test("is reset by a button that says what came of it", async (t) => {
+    const { mock, page, complaints } = await visit(t, {}, onCamera);
+    mock.send(update(1, []));
+    await reaches(page, "live");
+    const button = page.getByRole("button", { name: "Reset background" });
+    await button.press("Enter");
+    await page.locator("#reset-outcome", { hasText: "is being learned anew" }).waitFor();
+    assert.equal(mock.resets, 1);
+    mock.send(update(2, [], { state: "learning" }));
+    await page.locator("#watch-state", { hasText: "Learning the background" }).waitFor();
+    mock.send(update(3, []));
+    await page.locator("#reset-outcome", { hasText: "has been learned anew" }).waitFor();
+    assert.equal(await page.evaluate(() => document.activeElement?.id), "reset-background", "the keyboard stays where it was");
+    assert.deepEqual(complaints, []);
+  });
+
+  test("says why it was not reset", async (t) => {
+    const { mock, page } = await visit(t, {}, onCamera);
+    mock.send(update(1, []));
+    await reaches(page, "live");
+    mock.refusal = "a recording's background is its own";
+    await page.getByRole("button", { name: "Reset background" }).click();
+    await page.locator("#reset-outcome.failed", { hasText: "not reset: a recording's background is its own." }).waitFor();
+  });
+
+  test("cannot be reset without a connection", async (t) => {
+    const { mock, page } = await visit(t, {}, onCamera);
+    mock.send(update(1, []));
+    await reaches(page, "live");
+    const button = page.getByRole("button", { name: "Reset background" });
+    assert.equal(await button.getAttribute("aria-disabled"), "false");
+    await mock.stop();
+    await reaches(page, "reconnecting");
+    assert.equal(await button.getAttribute("aria-disabled"), "true");
+    await button.click({ force: true });
+    await mock.start();
+    await until(() => mock.requests.filter((path) => path.endsWith("/status")).length > 1, "the page is back");
+    assert.equal(mock.resets, 0);
+  });
 });
