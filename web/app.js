@@ -42,6 +42,10 @@ let everConnected = false;
 let connection = 0;
 /** Until the geometry of this connection is here, its updates have no place on the map. */
 let geometryOf = -1;
+let renewing = false;
+/** An update that came before the geometry of its calibration.
+ * @type {{ update: Update, atS: number } | null} */
+let early = null;
 
 const nowS = () => performance.now() / 1000;
 
@@ -62,11 +66,14 @@ function onPhase(phase) {
  */
 async function begin(which) {
   try {
-    const [geometry, first] = await Promise.all([getGeometry(), getStatus()]);
+    const first = await getStatus();
+    // Without a calibration there is no geometry to ask for, and the map stays empty.
+    const geometry = first.calibrated === false ? null : await getGeometry();
     if (which !== connection || live.phase !== "open") return;
     // Updates that came in the meantime belong to the new geometry, the one before does not.
     const held = arrivals.sequence === null ? null : newest;
     geometryOf = which;
+    early = null;
     map.setGeometry(geometry);
     acceptStatus(first);
     newest = null;
@@ -107,6 +114,11 @@ function onMessage(text) {
  * @param {number} atS
  */
 function accept(update, atS) {
+  if (geometryOf === connection && update.calibration !== map.geometry?.calibration) {
+    early = { update, atS };
+    if (!map.geometry || update.calibration > map.geometry.calibration) void renewGeometry();
+    return;
+  }
   newest = update;
   newestAtS = atS;
   if (geometryOf !== connection) return;
@@ -125,7 +137,28 @@ function acceptStatus(fresh) {
   if (last && last.sequence === newest?.sequence) newestAtS = Math.min(newestAtS, statusAtS - last.age_s);
   showStatus(fresh);
   showSource(fresh);
+  if (fresh.calibrated && fresh.calibration_revision !== map.geometry?.calibration) void renewGeometry();
   refreshConnection();
+}
+
+/** The camera has been calibrated anew: every place in the picture means another one in the room. */
+async function renewGeometry() {
+  if (renewing) return;
+  renewing = true;
+  const which = connection;
+  try {
+    const geometry = await getGeometry();
+    if (which !== connection || geometry.calibration === map.geometry?.calibration) return;
+    newest = null;
+    map.setGeometry(geometry);
+    if (early && early.update.calibration === geometry.calibration) accept(early.update, early.atS);
+    early = null;
+    refreshPanels();
+  } catch {
+    // The next update or status asks again.
+  } finally {
+    renewing = false;
+  }
 }
 
 async function pollStatus() {
@@ -178,8 +211,9 @@ function refreshConnection() {
   showConnection(verdict);
   const known = verdict.connection === "live" || verdict.connection === "waiting";
   const watch = newest?.state ?? status?.state ?? null;
-  showWatchState(known ? watch : null);
-  reset.follow(live.phase === "open" && status !== null, watch);
+  showWatchState(known && status?.calibrated !== false ? watch : null);
+  const connected = live.phase === "open" && status !== null;
+  reset.follow(connected && status?.calibrated !== false, watch);
 }
 
 function refreshPanels() {

@@ -68,6 +68,7 @@ const sourceTrouble = (status) => status && sourceWords(status.source).trouble;
 
 /** @param {Status | null} status */
 function beforeFirst(status) {
+  if (status?.calibrated === false) return "Not calibrated: nobody has said yet where the door is";
   if (status?.source.state === "opening") return "Opening the source";
   if (status?.state === "learning" || status?.state === "relearning") return "Learning the background";
   return "Waiting for the first picture";

@@ -15,6 +15,7 @@
  * @property {{ fov_m: number, pixels: number }} patch
  * @property {[Point, Point][]} facets
  * @property {boolean[]} foreground
+ * @property {number} calibration  revision it was made from; an update with another has its places elsewhere
  */
 
 /**
@@ -56,6 +57,7 @@
  * @property {LitFacet[]} facets
  * @property {Track[]} tracks
  * @property {Record<string, number>} timing_ms
+ * @property {number} calibration  revision of the calibration it was made with
  */
 
 /** @typedef {"opening" | "streaming" | "stalled" | "lost" | "backing-off" | "ended" | "failed"} SourceState */
@@ -96,6 +98,8 @@
  * @property {{ captured: number, solved: number }} rate_hz
  * @property {{ sequence: number, age_s: number } | null} last_update
  * @property {number} clients
+ * @property {boolean} calibrated  false: a camera of which nobody has said yet where the door is
+ * @property {number} calibration_revision  goes up with every saved calibration
  * @property {{ state: string, age_s: number | null, frames: number } | null} background
  */
 

@@ -98,7 +98,7 @@ export class Mock {
   #answerApi(name, response) {
     const age_s = (Date.now() - this.latestAt) / 1000;
     const last_update = this.latest && { sequence: this.latest.sequence, age_s };
-    if (name === "geometry") return json(response, this.geometry);
+    if (name === "geometry" && this.status.calibrated) return json(response, this.geometry);
     if (name === "status") return json(response, { ...this.status, last_update });
     if (name === "reconstruction" && this.latest) return json(response, this.latest);
     if (name === "difference.png" && this.latest && this.hasPictures) {

@@ -30,6 +30,24 @@ describe("map", () => {
     assert.deepEqual(complaints, []);
   });
 
+  test("follows a new calibration, and draws no update in another one's geometry", async (t) => {
+    const { mock, page, complaints } = await visit(t);
+    mock.send(update(1, [lit(5, [0.02, 0, 0])]));
+    await draws(page, 1);
+    const asked = () => mock.requests.filter((path) => path.endsWith("/geometry")).length;
+    assert.equal(asked(), 1);
+    mock.status.calibration_revision = 2;
+    mock.geometry = { ...mock.geometry, doorway: { ...mock.geometry.doorway, width_m: 0.9 }, calibration: 2 };
+    mock.send(update(2, [lit(6, [0.02, 0, 0])], { calibration: 2 }));
+    await draws(page, 2);
+    assert.equal(asked(), 2);
+    mock.send(update(3, [lit(7, [0.02, 0, 0])], { calibration: 1 }));
+    mock.send(update(4, [lit(8, [0.02, 0, 0])], { calibration: 2 }));
+    await draws(page, 4);
+    assert.equal(asked(), 2, "the late one is left out");
+    assert.deepEqual(complaints, []);
+  });
+
   test("keeps brightness while the strongest change sinks", async (t) => {
     const { mock, page } = await visit(t);
     const index = nearest(mock.geometry, 0.6, 1.2);

@@ -30,6 +30,7 @@ export function geometry({ width = 0.508, thickness = 0, intervals = 45 } = {}) 
     patch: { fov_m: 0.15, pixels: 64 },
     facets,
     foreground: facets.map((ends) => Math.min(...ends.map(([x]) => Math.abs(x))) < 1 && Math.min(...ends.map(([, y]) => y)) < 1.875),
+    calibration: 1,
   };
 }
 
@@ -55,6 +56,8 @@ export function status() {
     rate_hz: { captured: 10, solved: 10 },
     last_update: null,
     clients: 1,
+    calibrated: true,
+    calibration_revision: 1,
     background: { state: "learned", age_s: 312, frames: 200 },
   };
 }
@@ -98,6 +101,7 @@ export function update(sequence, facets, rest = {}) {
     gain: { left: [0.98, 0.97, 0.96], right: [1.01, 1.012, 1.014] },
     facets,
     tracks: [],
+    calibration: 1,
     timing_ms: { decode: 2.1, rectify: 0.8, background: 0.2, project: 0.4, solve: 3.2, track: 0, total: 6.9 },
     ...rest,
   };

@@ -39,13 +39,16 @@ export class RoomMap {
     this.#watchPixelRatio();
   }
 
-  /** @param {Geometry} geometry */
+  /** @param {Geometry | null} geometry  null: there is nothing to draw yet */
   setGeometry(geometry) {
     this.geometry = geometry;
-    this.bounds = boundsOf(geometry);
+    this.bounds = geometry && boundsOf(geometry);
     this.highlight = null;
     this.update = null;
-    this.#resized();
+    if (geometry) return this.#resized();
+    this.view = null;
+    this.ctx.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    this.onDrawn(null);
   }
 
   /**
