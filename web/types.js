@@ -103,6 +103,51 @@
  * @property {{ state: string, age_s: number | null, frames: number } | null} background
  */
 
+/** @typedef {[number, number]} Pixel  u, v; (0, 0) is the centre of the top left pixel */
+
+/** @typedef {{ width_m: number, wall_thickness_m: number, height_m: number | null }} Doorway */
+
+/**
+ * Where the door and points of the floor are in the camera's picture.
+ * @typedef {object} Calibration
+ * @property {[number, number]} size  of the picture, in pixels
+ * @property {Doorway} doorway
+ * @property {{ pixel: Pixel, floor_m: Point }[]} floor_points
+ * @property {{ k1: number, k2: number, focal_px: number } | null} lens
+ * @property {string | null} transfer
+ */
+
+/** @typedef {{ residual_px: Pixel, residual_mm: Point }} PointCheck  from the marked place to where the fit has it */
+
+/**
+ * What the camera sees of the door and the floor if the calibration is right.
+ * @typedef {object} Overlay
+ * @property {Pixel[]} edges  the feet of the door's two edges
+ * @property {Pixel[]} door_line
+ * @property {{ left: Pixel[], right: Pixel[] }} patches
+ * @property {Pixel[][]} grid
+ */
+
+/**
+ * @typedef {object} Check
+ * @property {boolean} ok
+ * @property {string[]} errors
+ * @property {PointCheck[]} points
+ * @property {{ rms_px: number, rms_mm: number, noise_px: number | null, floor_mm: number, angle_deg: number } | null} error
+ * @property {Overlay | null} overlay
+ * @property {{ left: number, right: number } | null} seen  share of each patch inside the picture
+ */
+
+/**
+ * @typedef {object} CalibrationDocument
+ * @property {boolean} editable
+ * @property {string | null} reason  why it is not editable
+ * @property {[number, number] | null} size  of the camera's picture now; null when there is none
+ * @property {Calibration | null} calibration  in use
+ * @property {Check | null} check
+ * @property {boolean} previous  whether the one before is kept
+ */
+
 /** @typedef {{ layer: Layer, signs: Signs, brightness: Brightness }} Choice  what the selectors above the map say */
 
 export {};

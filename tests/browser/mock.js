@@ -5,12 +5,14 @@ import { STATUS_CODES, createServer } from "node:http";
 import { extname, join, normalize } from "node:path";
 import { fileURLToPath } from "node:url";
 import { WebSocketServer } from "ws";
+import { check } from "./fit.js";
+import { SIZE, cameraPicture } from "./camera.js";
 import { png } from "./png.js";
 import * as scene from "./scene.js";
 
 /** @import { IncomingMessage, ServerResponse } from "node:http" */
 /** @import { AddressInfo } from "node:net" */
-/** @import { Update } from "../../web/types.js" */
+/** @import { Calibration, CalibrationDocument, Update } from "../../web/types.js" */
 
 const WEB = fileURLToPath(new URL("../../web/", import.meta.url));
 const API = "/api/v1/";
@@ -23,6 +25,45 @@ const TYPES = {
   ".svg": "image/svg+xml",
 };
 
+/** The daemon's calibration and what was asked of it. */
+class MockCalibration {
+  constructor() {
+    /** @type {Calibration | null} */
+    this.inUse = null;
+    /** @type {Calibration | null} */
+    this.before = null;
+    this.editable = true;
+    /** @type {string | null} */
+    this.reason = null;
+    /** @type {[number, number] | null} */
+    this.size = SIZE;
+    /** @type {Calibration[]} Bodies that were to be checked. */
+    this.checked = [];
+    /** How long a check takes, and how many were under way at once. */
+    this.delayMs = 0;
+    this.underWay = 0;
+    this.mostUnderWay = 0;
+    /** @type {Calibration[]} Bodies that were to be saved. */
+    this.put = [];
+  }
+
+  /** @param {Calibration} asked */
+  async check(asked) {
+    this.checked.push(asked);
+    this.underWay += 1;
+    this.mostUnderWay = Math.max(this.mostUnderWay, this.underWay);
+    await new Promise((done) => setTimeout(done, this.delayMs));
+    this.underWay -= 1;
+    return check(asked);
+  }
+
+  /** @returns {CalibrationDocument} */
+  document() {
+    const { editable, reason, size, inUse, before } = this;
+    return { editable, reason, size, calibration: inUse, check: inUse && check(inUse), previous: before !== null };
+  }
+}
+
 export class Mock {
   constructor() {
     this.geometry = scene.geometry();
@@ -31,6 +72,9 @@ export class Mock {
     /** @type {Update | null} */
     this.latest = null;
     this.latestAt = 0;
+    this.calibration = new MockCalibration();
+    /** @type {Buffer | null} */
+    this.frame = cameraPicture();
     this.resets = 0;
     /** @type {string | null} Why the next change is refused. */
     this.refusal = null;
@@ -88,7 +132,7 @@ export class Mock {
     const name = pathname.slice(API.length);
     if (!pathname.startsWith(API)) return this.#answerAsset(pathname, response);
     if (request.method === "GET") return this.#answerApi(name, response);
-    this.#change(`${request.method} ${name}`, response);
+    this.#change(`${request.method} ${name}`, await bodyOf(request), response);
   }
 
   /**
@@ -105,21 +149,50 @@ export class Mock {
       response.setHeader("content-type", "image/png");
       return response.end(differencePicture(this.latest.sequence));
     }
+    if (name === "calibration") return json(response, this.calibration.document());
+    if (name === "frame.jpg" && this.frame) {
+      response.setHeader("content-type", "image/png");
+      return response.end(this.frame);
+    }
     return problem(response);
   }
 
   /**
    * @param {string} what
+   * @param {string} body
    * @param {ServerResponse} response
    */
-  #change(what, response) {
+  #change(what, body, response) {
+    const { calibration } = this;
+    if (what === "POST calibration/check") {
+      return void this.calibration.check(JSON.parse(body)).then((checked) => json(response, checked));
+    }
     if (this.refusal) return problem(response, 422, this.refusal);
+    if (what === "PUT calibration") {
+      calibration.put.push(JSON.parse(body));
+      return this.#calibrate(JSON.parse(body), response);
+    }
+    if (what === "POST calibration/previous" && calibration.before) return this.#calibrate(calibration.before, response);
     if (what === "POST background/reset") {
       this.resets += 1;
       response.writeHead(202);
       return response.end();
     }
     return problem(response);
+  }
+
+  /**
+   * @param {Calibration} next
+   * @param {ServerResponse} response
+   */
+  #calibrate(next, response) {
+    const { calibration, status } = this;
+    calibration.before = calibration.inUse;
+    calibration.inUse = next;
+    status.calibrated = true;
+    status.calibration_revision += 1;
+    this.geometry = { ...this.geometry, doorway: next.doorway, calibration: status.calibration_revision };
+    json(response, calibration.document());
   }
 
   /**
@@ -156,6 +229,13 @@ function json(response, value) {
 function problem(response, status = 404, detail) {
   response.writeHead(status, { "content-type": "application/problem+json" });
   response.end(JSON.stringify({ title: STATUS_CODES[status], status, detail }));
+}
+
+/** @param {IncomingMessage} request */
+async function bodyOf(request) {
+  let body = "";
+  for await (const chunk of request) body += chunk;
+  return body;
 }
 
 /** @param {number} sequence */
