@@ -1,4 +1,4 @@
-/** @import { Geometry, Status, Update } from "./types.js" */
+/** @import { Calibration, CalibrationDocument, Check, Geometry, Status, Update } from "./types.js" */
 
 // Relative to the page, so that doorcam also works under a path of a reverse proxy.
 const BASE = new URL("api/v1/", document.baseURI);
@@ -50,6 +50,16 @@ async function detailOf(response, name) {
 /** @param {string} name */
 const getJson = async (name) => (await ask(name)).json();
 
+/**
+ * @param {"POST" | "PUT"} method
+ * @param {string} name
+ * @param {unknown} body
+ */
+async function sendJson(method, name, body) {
+  const headers = { "content-type": "application/json" };
+  return (await ask(name, { method, headers, body: JSON.stringify(body) })).json();
+}
+
 /** @returns {Promise<Geometry>} */
 export const getGeometry = () => getJson("geometry");
 
@@ -59,10 +69,32 @@ export const getStatus = () => getJson("status");
 /** @returns {Promise<Update>} */
 export const getReconstruction = () => getJson("reconstruction");
 
+/** @returns {Promise<CalibrationDocument>} */
+export const getCalibration = () => getJson("calibration");
+
+/**
+ * What a calibration would mean; changes nothing.
+ * @param {Calibration} calibration
+ * @returns {Promise<Check>}
+ */
+export const checkCalibration = (calibration) => sendJson("POST", "calibration/check", calibration);
+
+/**
+ * @param {Calibration} calibration
+ * @returns {Promise<CalibrationDocument>}
+ */
+export const putCalibration = (calibration) => sendJson("PUT", "calibration", calibration);
+
+/** @returns {Promise<CalibrationDocument>} */
+export const restorePrevious = async () => (await ask("calibration/previous", { method: "POST" })).json();
+
 /** Have the still room learned anew. */
 export async function resetBackground() {
   await ask("background/reset", { method: "POST" });
 }
+
+/** The camera's newest picture. */
+export const getFrame = async () => (await ask("frame.jpg")).blob();
 
 /** @param {number} sequence  keeps the browser from showing a cached picture */
 export const differenceUrl = (sequence) => new URL(`difference.png?sequence=${sequence}`, BASE).href;

@@ -1,0 +1,83 @@
+import { fixed, plural } from "../format.js";
+
+/** @import { Check, PointCheck } from "../types.js" */
+/** @import { Outcome } from "./checker.js" */
+
+/**
+ * How good the calibration is, in one line.
+ * @param {Check} check
+ */
+export function summaryOf({ error, seen }) {
+  const sentences = [];
+  if (error) {
+    sentences.push(`Error ${fixed(error.rms_px, 1)} px, ${fixed(error.floor_mm, 1)} mm on the floor, ${fixed(error.angle_deg, 1)}° in angle.`);
+    if (error.noise_px === null) sentences.push("Four points always fit: add a fifth to see how well they agree.");
+  }
+  if (seen) sentences.push(seenWords(seen));
+  return sentences.join(" ");
+}
+
+/** @param {NonNullable<Check["seen"]>} seen */
+function seenWords({ left, right }) {
+  if (left >= 0.9995 && right >= 0.9995) return "Both patches are wholly in the picture.";
+  return `In the picture: ${share(left)} of patch L, ${share(right)} of patch R.`;
+}
+
+/** Never "100 %" of what is cut off. @param {number} part */
+const share = (part) => `${fixed(part >= 0.9995 ? 100 : Math.min(99.9, 100 * part), part > 0.99 && part < 0.9995 ? 1 : 0)} %`;
+
+/** @param {PointCheck} point */
+export function residualWords({ residual_px, residual_mm }) {
+  return `${fixed(Math.hypot(...residual_px), 1)} px, ${fixed(Math.hypot(...residual_mm), 1)} mm`;
+}
+
+// The daemon names a key of the file; the reader sees a field of the page.
+/** @type {Record<string, string>} */
+const KEYS = {
+  size: "Picture size",
+  "doorway.width_m": "Width of the opening",
+  "doorway.wall_thickness_m": "Thickness of the wall",
+  "doorway.height_m": "Height of the opening",
+  floor_points: "Points",
+  lens: "Lens",
+  transfer: "Brightness curve",
+};
+
+/** @param {string} error */
+const inWords = (error) => error.replace(/^([a-z_0-9.]+)(?=: )/, (key) => KEYS[key] ?? key);
+
+/**
+ * What is wrong with the draft, a line each.
+ * @param {Outcome | null} outcome
+ */
+export function errorsOf(outcome) {
+  if (!outcome) return [];
+  if ("refused" in outcome) return [inWords(outcome.refused)];
+  if ("silent" in outcome) return ["The daemon does not answer: nothing can be checked until it does."];
+  return outcome.check.errors.map(inWords);
+}
+
+/**
+ * @typedef {object} Situation
+ * @property {string | null} fieldProblem  a field that says nothing usable
+ * @property {string | null} missing
+ * @property {Outcome | null} outcome
+ * @property {boolean} current  the outcome is about the draft as it is now
+ * @property {boolean} changed
+ * @property {boolean} busy  being saved
+ */
+
+/**
+ * Why this cannot be saved now; null if it can.
+ * @param {Situation} situation
+ */
+export function whyNotSave({ fieldProblem, missing, outcome, current, changed, busy }) {
+  if (busy) return "Saving";
+  if (fieldProblem) return fieldProblem;
+  if (missing) return missing;
+  if (!changed) return "Nothing has changed.";
+  if (!outcome || !current) return "Being checked";
+  const errors = errorsOf(outcome);
+  if ("check" in outcome && outcome.check.ok) return null;
+  return errors.length > 1 ? `${plural(errors.length, "thing")} must be put right first, see above.` : (errors[0] ?? "The check has failed.");
+}
