@@ -1,5 +1,6 @@
 import { getGeometry, getReconstruction, getStatus, liveUrl } from "./api.js";
 import { Arrivals } from "./arrivals.js";
+import { CalibrationView } from "./calibration/view.js";
 import { LayerScales } from "./colour.js";
 import { byId, setText } from "./dom.js";
 import { UNKNOWN, amount } from "./format.js";
@@ -13,6 +14,7 @@ import { showSource } from "./panels/source.js";
 import { showConnection, showStatus, showUpdate, showWatchState } from "./panels/status.js";
 import { Tooltip } from "./panels/tooltip.js";
 import { showTracks } from "./panels/tracks.js";
+import { Route } from "./route.js";
 
 /** @import { Choice, Status, Update } from "./types.js" */
 /** @import { Phase } from "./live.js" */
@@ -27,6 +29,8 @@ const difference = new DifferencePicture();
 const map = new RoomMap(byId("map", HTMLCanvasElement), drawn);
 const tooltip = new Tooltip(map);
 const reset = new ResetButton();
+const calibration = new CalibrationView(calibrated);
+const route = new Route({ onShow: showView, mayLeave: () => calibration.mayLeave() });
 const live = new LiveSocket(liveUrl(), { onPhase, onMessage });
 
 /** @type {Update | null} */
@@ -46,6 +50,8 @@ let renewing = false;
 /** An update that came before the geometry of its calibration.
  * @type {{ update: Update, atS: number } | null} */
 let early = null;
+/** An uncalibrated camera opens the calibration by itself, but only once: its reader may leave it. */
+let invited = false;
 
 const nowS = () => performance.now() / 1000;
 
@@ -137,7 +143,8 @@ function acceptStatus(fresh) {
   if (last && last.sequence === newest?.sequence) newestAtS = Math.min(newestAtS, statusAtS - last.age_s);
   showStatus(fresh);
   showSource(fresh);
-  if (fresh.calibrated && fresh.calibration_revision !== map.geometry?.calibration) void renewGeometry();
+  if (fresh.calibrated === false) invite();
+  else if (fresh.calibration_revision !== map.geometry?.calibration) void renewGeometry();
   refreshConnection();
 }
 
@@ -158,6 +165,35 @@ async function renewGeometry() {
     // The next update or status asks again.
   } finally {
     renewing = false;
+  }
+}
+
+function invite() {
+  if (invited) return;
+  invited = true;
+  route.go(true);
+}
+
+/** @param {boolean} first */
+function calibrated(first) {
+  void pollStatus();
+  // That was the way to the first map: here it is.
+  if (first) route.go(false);
+}
+
+/** @param {boolean} calibrating */
+function showView(calibrating) {
+  byId("map-view").hidden = calibrating;
+  byId("calibration-view").hidden = !calibrating;
+  byId("calibrate").hidden = calibrating;
+  document.title = calibrating ? "Calibration – doorcam" : "doorcam";
+  window.scrollTo(0, 0);
+  if (calibrating) {
+    calibration.follow(status, live.phase === "open");
+    calibration.open();
+  } else {
+    calibration.close();
+    byId("calibrate").focus({ preventScroll: true });
   }
 }
 
@@ -214,6 +250,7 @@ function refreshConnection() {
   showWatchState(known && status?.calibrated !== false ? watch : null);
   const connected = live.phase === "open" && status !== null;
   reset.follow(connected && status?.calibrated !== false, watch);
+  calibration.follow(status, connected);
 }
 
 function refreshPanels() {
@@ -247,4 +284,5 @@ Object.defineProperty(window, "doorcam", {
 });
 
 choose();
+route.start();
 live.connect();

@@ -15,6 +15,8 @@ describe("everyone", () => {
     mock.send(update(1, []));
     await reaches(page, "live");
     await page.keyboard.press("Tab");
+    assert.equal(await page.evaluate(() => document.activeElement?.textContent), "Calibrate");
+    await page.keyboard.press("Tab");
     assert.equal(await page.evaluate(() => /** @type {HTMLInputElement} */ (document.activeElement).value), "unified");
     await page.keyboard.press("ArrowRight");
     assert.equal(await page.getByLabel("Left view").isChecked(), true);
