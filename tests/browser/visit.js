@@ -17,13 +17,14 @@ after(() => browser.close());
  * @param {TestContext} t
  * @param {BrowserContextOptions} [options]
  * @param {(mock: Mock) => void} [prepare]
+ * @param {string} [view]  of the page's address
  */
-export async function visit(t, options, prepare) {
+export async function visit(t, options, prepare, view = "") {
   const mock = new Mock();
   prepare?.(mock);
   await mock.start();
   t.after(() => mock.stop());
-  const { page, complaints, close } = await open(browser, mock.url, options);
+  const { page, complaints, close } = await open(browser, mock.url + view, options);
   t.after(close);
   return { mock, page, complaints };
 }
