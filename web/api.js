@@ -5,6 +5,8 @@ const BASE = new URL("api/v1/", document.baseURI);
 
 // An answer that does not come is worth as much as a refused connection.
 const TIMEOUT_MS = 5000;
+// A new calibration has the daemon work its whole model out anew, on whatever computer it is.
+const CHANGE_TIMEOUT_MS = 30000;
 
 /** The daemon has answered, and the answer is no: in its own words. */
 export class Refusal extends Error {
@@ -51,14 +53,14 @@ async function detailOf(response, name) {
 const getJson = async (name) => (await ask(name)).json();
 
 /**
- * @param {"POST" | "PUT"} method
  * @param {string} name
- * @param {unknown} body
+ * @param {RequestInit} options
  */
-async function sendJson(method, name, body) {
-  const headers = { "content-type": "application/json" };
-  return (await ask(name, { method, headers, body: JSON.stringify(body) })).json();
-}
+const change = async (name, options) =>
+  (await ask(name, { signal: AbortSignal.timeout(CHANGE_TIMEOUT_MS), ...options })).json();
+
+/** @param {unknown} value */
+const json = (value) => ({ headers: { "content-type": "application/json" }, body: JSON.stringify(value) });
 
 /** @returns {Promise<Geometry>} */
 export const getGeometry = () => getJson("geometry");
@@ -77,24 +79,28 @@ export const getCalibration = () => getJson("calibration");
  * @param {Calibration} calibration
  * @returns {Promise<Check>}
  */
-export const checkCalibration = (calibration) => sendJson("POST", "calibration/check", calibration);
+export const checkCalibration = async (calibration) =>
+  (await ask("calibration/check", { method: "POST", ...json(calibration) })).json();
 
 /**
  * @param {Calibration} calibration
  * @returns {Promise<CalibrationDocument>}
  */
-export const putCalibration = (calibration) => sendJson("PUT", "calibration", calibration);
+export const putCalibration = (calibration) => change("calibration", { method: "PUT", ...json(calibration) });
 
 /** @returns {Promise<CalibrationDocument>} */
-export const restorePrevious = async () => (await ask("calibration/previous", { method: "POST" })).json();
+export const restorePrevious = () => change("calibration/previous", { method: "POST" });
 
 /** Have the still room learned anew. */
 export async function resetBackground() {
   await ask("background/reset", { method: "POST" });
 }
 
-/** The camera's newest picture. */
-export const getFrame = async () => (await ask("frame.jpg")).blob();
+/** The camera's newest picture, and when it was taken: the same one may come again. */
+export async function getFrame() {
+  const response = await ask("frame.jpg");
+  return { captured: response.headers.get("x-captured"), picture: await response.blob() };
+}
 
 /** @param {number} sequence  keeps the browser from showing a cached picture */
 export const differenceUrl = (sequence) => new URL(`difference.png?sequence=${sequence}`, BASE).href;

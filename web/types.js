@@ -89,7 +89,7 @@
  * @property {string} version
  * @property {WatchState} state
  * @property {number} uptime_s
- * @property {string} model
+ * @property {string | null} model  null before there is a calibration
  * @property {string | null} preset
  * @property {number} lambda
  * @property {Source} source
@@ -100,12 +100,15 @@
  * @property {number} clients
  * @property {boolean} calibrated  false: a camera of which nobody has said yet where the door is
  * @property {number} calibration_revision  goes up with every saved calibration
- * @property {{ state: string, age_s: number | null, frames: number } | null} background
+ * @property {{ state: string, age_s: number | null, frames: number } | null} [background]
  */
 
 /** @typedef {[number, number]} Pixel  u, v; (0, 0) is the centre of the top left pixel */
 
 /** @typedef {{ width_m: number, wall_thickness_m: number, height_m: number | null }} Doorway */
+
+/** @typedef {{ k1: number, k2?: number, focal_px?: number | null }} Lens  without a focal length, that is the picture's width */
+/** @typedef {"srgb" | "linear" | { gamma: number } | { curve: number[] }} Transfer */
 
 /**
  * Where the door and points of the floor are in the camera's picture.
@@ -113,16 +116,21 @@
  * @property {[number, number]} size  of the picture, in pixels
  * @property {Doorway} doorway
  * @property {{ pixel: Pixel, floor_m: Point }[]} floor_points
- * @property {{ k1: number, k2: number, focal_px: number } | null} lens
- * @property {string | null} transfer
+ * @property {Lens | null} [lens]  none: as configured
+ * @property {Transfer | null} [transfer]  none: as configured
  */
 
-/** @typedef {{ residual_px: Pixel, residual_mm: Point }} PointCheck  from the marked place to where the fit has it */
+/**
+ * How far a point is from where the fit has it.
+ * @typedef {object} PointCheck
+ * @property {Pixel} residual_px  where it is marked minus where the fit has it
+ * @property {Point | null} residual_mm  the same on the floor; null if it is marked above the horizon
+ */
 
 /**
- * What the camera sees of the door and the floor if the calibration is right.
+ * What the camera sees of the door and the floor if the calibration is right: nothing if it fits no camera.
  * @typedef {object} Overlay
- * @property {Pixel[]} edges  the feet of the door's two edges
+ * @property {(Pixel | null)[]} edges  the feet of the door's two edges
  * @property {Pixel[]} door_line
  * @property {{ left: Pixel[], right: Pixel[] }} patches
  * @property {Pixel[][]} grid
@@ -133,9 +141,10 @@
  * @property {boolean} ok
  * @property {string[]} errors
  * @property {PointCheck[]} points
- * @property {{ rms_px: number, rms_mm: number, noise_px: number | null, floor_mm: number, angle_deg: number } | null} error
- * @property {Overlay | null} overlay
- * @property {{ left: number, right: number } | null} seen  share of each patch inside the picture
+ * @property {{ rms_px: number, rms_mm: number, noise_px: number | null,
+ *              floor_mm: number | null, angle_deg: number | null } | null} error  null if no camera fits
+ * @property {Overlay} overlay
+ * @property {{ left: number, right: number }} seen  share of each patch inside the picture
  */
 
 /**

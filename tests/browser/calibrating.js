@@ -11,7 +11,7 @@ import { visit } from "./visit.js";
 
 /** A webcam just plugged in. @param {Mock} mock */
 export function uncalibrated(mock) {
-  mock.status = { ...cameraStatus(), calibrated: false, calibration_revision: 0, state: "learning" };
+  mock.status = { ...cameraStatus(), calibrated: false, calibration_revision: 0, state: "learning", model: null, lambda: 0 };
   mock.geometry.calibration = 0;
 }
 

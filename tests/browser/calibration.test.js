@@ -260,14 +260,15 @@ describe("overlay", () => {
     const body = /** @type {Calibration} */ (mock.calibration.checked.at(-1));
     const { points, error } = check(body);
     const [du, dv] = points[4].residual_px;
-    await handle(page, "5").locator(".note", { hasText: `${Math.hypot(du, dv).toFixed(1)} px, ${Math.hypot(...points[4].residual_mm).toFixed(1)} mm` }).waitFor();
-    const words = `Error ${error?.rms_px.toFixed(1)} px, ${error?.floor_mm.toFixed(1)} mm on the floor, ${error?.angle_deg.toFixed(1)}° in angle.`;
+    await handle(page, "5").locator(".note", { hasText: `${Math.hypot(du, dv).toFixed(1)} px, ${Math.hypot(...(points[4].residual_mm ?? [])).toFixed(1)} mm` }).waitFor();
+    const words = `Error ${error?.rms_px.toFixed(1)} px, ${error?.floor_mm?.toFixed(1)} mm on the floor, ${error?.angle_deg?.toFixed(1)}° in angle.`;
     assert.ok((await page.locator("#cal-summary").innerText()).startsWith(words), words);
     const times = Number(/(\d+) times/.exec(await page.locator("#cal-residuals").innerText())?.[1]);
     const lines = await page.locator("#cal-overlay .residual").count();
     assert.equal(lines, 5);
     const ends = await page.locator("#cal-overlay .residual").nth(4).evaluate((/** @type {SVGPolylineElement} */ line) => [...line.points].map(({ x, y }) => [x, y]));
-    assert.ok(near(ends[1][0] - ends[0][0], times * du) && near(ends[1][1] - ends[0][1], times * dv), `${ends} for ${times} times ${[du, dv]}`);
+    // A residual is measured from where the fit has the point: the line leads back there.
+    assert.ok(near(ends[0][0] - ends[1][0], times * du) && near(ends[0][1] - ends[1][1], times * dv), `${ends} for ${times} times ${[du, dv]}`);
     assert.deepEqual(complaints, []);
   });
 
@@ -296,7 +297,7 @@ describe("overlay", () => {
     const [left, right] = [await middleOf(page, "L"), await middleOf(page, "R")];
     await drag(page, "L", [right[0] - 40, right[1]]);
     await drag(page, "R", left);
-    await page.locator("#cal-errors", { hasText: "Points: the floor is seen mirrored" }).waitFor();
+    await page.locator("#cal-errors", { hasText: "Points show the floor mirrored" }).waitFor();
     const save = page.getByRole("button", { name: "Save" });
     await page.waitForFunction(() => /mirrored|put right/.test(document.getElementById("cal-save-reason")?.textContent ?? ""));
     assert.equal(await save.getAttribute("aria-disabled"), "true");
@@ -315,6 +316,11 @@ describe("the camera's picture", () => {
     await page.waitForTimeout(2000);
     const asked = frames() - from;
     assert.ok(asked >= 5 && asked <= 9, `asked ${asked} times in 2 s`);
+    // The last picture, again and again, is no new one.
+    mock.stoppedAt = new Date().toISOString();
+    await page.locator("#cal-notice", { hasText: /^No new picture · picture \d+ s old$/ }).waitFor();
+    mock.stoppedAt = null;
+    await page.locator("#cal-notice").waitFor({ state: "hidden" });
     mock.frame = null;
     await page.locator("#cal-notice", { hasText: /^No new picture · picture \d+ s old$/ }).waitFor();
     mock.status.source = { ...mock.status.source, state: "lost", error: "no such device" };

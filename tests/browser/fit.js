@@ -37,12 +37,22 @@ const round = (value) => Math.round(value * 100) / 100;
  */
 export function check({ size, doorway, floor_points }) {
   /** @type {Check} */
-  const nothing = { ok: false, errors: [], points: [], error: null, overlay: null, seen: null };
+  const nothing = {
+    ok: false,
+    errors: [],
+    points: [],
+    error: null,
+    overlay: { edges: [null, null], door_line: [], patches: { left: [], right: [] }, grid: [] },
+    seen: { left: 0, right: 0 },
+  };
   const fit = homography(floor_points.map(({ floor_m }) => floor_m), floor_points.map(({ pixel }) => pixel));
-  if (!fit) return { ...nothing, errors: ["floor_points: three of the points lie on a line"] };
+  if (!fit) return { ...nothing, errors: ["floor_points do not fix the floor: expected at least 4 apart, no 3 of those 4 near one line"] };
+  if (turns(floor_points.map(({ pixel }) => pixel)) * turns(floor_points.map(({ floor_m }) => floor_m)) > 0) {
+    return { ...nothing, errors: ["floor_points show the floor mirrored: expected x to the right for someone who faces the door"] };
+  }
   const points = floor_points.map(({ pixel, floor_m }) => {
     const there = fit(floor_m);
-    const residual_px = /** @type {Pixel} */ ([there[0] - pixel[0], there[1] - pixel[1]]);
+    const residual_px = /** @type {Pixel} */ ([pixel[0] - there[0], pixel[1] - there[1]]);
     const perM = Math.hypot(fit([floor_m[0] + 0.01, floor_m[1]])[0] - there[0], fit([floor_m[0] + 0.01, floor_m[1]])[1] - there[1]) / 0.01;
     return { residual_px, residual_mm: /** @type {Point} */ (residual_px.map((px) => (1000 * px) / perM)) };
   });
@@ -66,17 +76,15 @@ export function check({ size, doorway, floor_points }) {
   for (let step = 0; step <= 6; step += 1) grid.push(line([-reach, near - 0.1 * step], [reach, near - 0.1 * step]));
   for (let x = -reach; x <= reach + 1e-9; x += reach / 6) grid.push(line([x, near], [x, near - 0.6]));
   const errors = [];
-  const mirrored = turns(floor_points.map(({ pixel }) => pixel)) * turns(floor_points.map(({ floor_m }) => floor_m)) > 0;
-  if (mirrored) errors.push("floor_points: the floor is seen mirrored: are left and right exchanged?");
   const worst = points.reduce((most, { residual_px }, index) => (Math.hypot(...residual_px) > Math.hypot(...points[most].residual_px) ? index : most), 0);
   if (Math.hypot(...points[worst].residual_px) > WORST_PX) {
-    errors.push(`floor_points: point ${worst + 1} is ${Math.hypot(...points[worst].residual_px).toFixed(1)} pixels from where the others have it`);
+    errors.push(`floor_points: point ${worst + 1} is ${Math.hypot(...points[worst].residual_px).toFixed(0)} pixels from where the others put it: is its pixel or floor_m mistyped?`);
   }
   return {
     ok: errors.length === 0,
     errors,
     points,
-    error: { rms_px: rms("residual_px"), rms_mm: rms("residual_mm"), noise_px, floor_mm: 1.6 * (noise_px ?? 0.5) + 0.2, angle_deg: 0.4 * (noise_px ?? 0.5) },
+    error: { rms_px: rms("residual_px"), rms_mm: rms("residual_mm"), noise_px, floor_mm: 1.6 * (noise_px ?? 1) + 0.2, angle_deg: 0.4 * (noise_px ?? 1) },
     overlay: {
       edges: [fit([-edge, near]), fit([edge, near])],
       door_line: line([-reach, near], [reach, near]),

@@ -75,6 +75,8 @@ export class Mock {
     this.calibration = new MockCalibration();
     /** @type {Buffer | null} */
     this.frame = cameraPicture();
+    /** @type {string | null} When the camera took its last picture, if it has stopped. */
+    this.stoppedAt = null;
     this.resets = 0;
     /** @type {string | null} Why the next change is refused. */
     this.refusal = null;
@@ -152,6 +154,7 @@ export class Mock {
     if (name === "calibration") return json(response, this.calibration.document());
     if (name === "frame.jpg" && this.frame) {
       response.setHeader("content-type", "image/png");
+      response.setHeader("x-captured", this.stoppedAt ?? new Date().toISOString());
       return response.end(this.frame);
     }
     return problem(response);

@@ -19,8 +19,10 @@ export class CameraPicture {
     this.ctx = context;
     /** Counts starts and stops, so that a round of an earlier one knows that it is over. */
     this.run = 0;
-    /** @type {number | null} */
+    /** @type {number | null} When the last new picture was got. */
     this.gotAt = null;
+    /** @type {string | null} The camera's time of it. */
+    this.captured = null;
     /** @type {string | null} */
     this.refusal = null;
   }
@@ -33,6 +35,7 @@ export class CameraPicture {
   stop() {
     this.run += 1;
     this.gotAt = null;
+    this.captured = null;
     this.refusal = null;
   }
 
@@ -64,8 +67,9 @@ export class CameraPicture {
     try {
       // Decoded here and painted, not given to an <img>: the magnifier paints from it too, and the
       // page's policy lets no image come from a blob.
-      const bitmap = await createImageBitmap(await getFrame());
-      if (run === this.run) this.#show(bitmap);
+      const { captured, picture } = await getFrame();
+      const bitmap = await createImageBitmap(picture);
+      if (run === this.run) this.#show(bitmap, captured);
       bitmap.close();
       this.refusal = null;
       return true;
@@ -75,8 +79,11 @@ export class CameraPicture {
     }
   }
 
-  /** @param {ImageBitmap} bitmap */
-  #show(bitmap) {
+  /**
+   * @param {ImageBitmap} bitmap
+   * @param {string | null} captured
+   */
+  #show(bitmap, captured) {
     const { canvas } = this;
     const { width, height } = bitmap;
     if (canvas.width !== width || canvas.height !== height) {
@@ -84,7 +91,9 @@ export class CameraPicture {
       canvas.height = height;
     }
     this.ctx.drawImage(bitmap, 0, 0);
-    this.gotAt = performance.now();
+    // A camera that has stopped leaves its last picture behind, to be got again and again.
+    if (captured === null || captured !== this.captured) this.gotAt = performance.now();
+    this.captured = captured;
     this.handlers.onSize([width, height]);
     this.handlers.onPicture();
   }

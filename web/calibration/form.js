@@ -3,6 +3,7 @@ import { NumberField } from "./number-field.js";
 import { TYPICAL } from "./points.js";
 
 /** @import { FieldRule } from "./number-field.js" */
+/** @import { Transfer } from "../types.js" */
 /** @import { Draft } from "./points.js" */
 
 /** @typedef {Extract<keyof Draft["door"], string>} DoorKey */
@@ -26,6 +27,9 @@ const LENS = [
   ["focal_px", "cal-focal", { name: "the focal length", least: 1, most: 100000, unit: "pixels" }],
 ];
 
+/** Value of the curve that came with the calibration. */
+const OWN = "own";
+
 /** The measures: of the door, of the marks before it, and of the lens for those who know it. */
 export class MeasureForm {
   /** @param {() => void} onTyped */
@@ -34,6 +38,8 @@ export class MeasureForm {
     this.draft = null;
     /** @type {{ k1: number | null, k2: number | null, focal_px: number | null }} */
     this.lens = { k1: null, k2: null, focal_px: null };
+    /** @type {Transfer | null} A curve that the page has no name for stays what it is. */
+    this.ownTransfer = null;
     this.onTyped = onTyped;
     this.door = DOOR.map(([key, id, rule]) => ({
       key,
@@ -49,7 +55,7 @@ export class MeasureForm {
     }));
     this.transfer = byId("cal-transfer", HTMLSelectElement);
     this.transfer.addEventListener("change", () => {
-      if (this.draft) this.draft.transfer = this.transfer.value || null;
+      if (this.draft) this.draft.transfer = this.#chosenTransfer();
       this.onTyped();
     });
     for (const [key, id] of DOOR) {
@@ -61,10 +67,7 @@ export class MeasureForm {
   /** @returns {string | null} */
   get problem() {
     const fields = [...this.door.map(({ field }) => field), this.distance, ...this.lensFields.map(({ field }) => field)];
-    const problem = fields.find((candidate) => candidate.problem)?.problem ?? null;
-    if (problem) return problem;
-    const some = Object.values(this.lens).some((value) => value !== null);
-    return some && !this.#lens() ? "A lens needs its focal length." : null;
+    return fields.find((candidate) => candidate.problem)?.problem ?? null;
   }
 
   /** @param {Draft} draft */
@@ -77,24 +80,31 @@ export class MeasureForm {
     for (const { key, field } of this.door) field.show(draft.door[key]);
     this.distance.show(draft.distance_m);
     // The picture may have been resized, and the focal length with it.
-    if (draft.lens) this.lens = { ...draft.lens };
+    if (draft.lens) this.lens.focal_px = draft.lens.focal_px ?? null;
     for (const { key, field } of this.lensFields) field.show(this.lens[key]);
   }
 
   /** @returns {Draft["lens"]} */
   #lens() {
     const { k1, k2, focal_px } = this.lens;
-    return focal_px === null ? null : { k1: k1 ?? 0, k2: k2 ?? 0, focal_px };
+    if (k1 === null && k2 === null && focal_px === null) return null;
+    return { k1: k1 ?? 0, k2: k2 ?? 0, focal_px };
   }
 
-  /**
-   * A curve the page does not know stays what it is.
-   * @param {string | null} transfer
-   */
+  /** @returns {Transfer | null} */
+  #chosenTransfer() {
+    const { value } = this.transfer;
+    if (value === OWN) return this.ownTransfer;
+    return value === "srgb" || value === "linear" ? value : null;
+  }
+
+  /** @param {Transfer | null} transfer */
   #offer(transfer) {
-    const known = [...this.transfer.options].some((option) => option.value === (transfer ?? ""));
-    if (!known) this.transfer.add(new Option(String(transfer), String(transfer)));
-    this.transfer.value = transfer ?? "";
+    [...this.transfer.options].find((option) => option.value === OWN)?.remove();
+    const own = transfer !== null && transfer !== "srgb" && transfer !== "linear";
+    this.ownTransfer = own ? transfer : null;
+    if (own) this.transfer.add(new Option("gamma" in transfer ? `power ${transfer.gamma}` : "measured curve", OWN));
+    this.transfer.value = own ? OWN : (transfer ?? "");
   }
 
   /**

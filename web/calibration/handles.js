@@ -6,6 +6,9 @@ import { residualWords } from "./words.js";
 /** @import { Draft, DraftPoint } from "./points.js" */
 /** @import { Stage } from "./stage.js" */
 
+/** With more points than this their words would lie on each other. */
+const MANY = 6;
+
 /** With Shift the hand moves this many times as far as the point. */
 const FINE = 8;
 
@@ -48,6 +51,7 @@ export class Handles {
     this.editable = editable;
     const points = draft?.points ?? [];
     resizeList(this.list, points.length, () => this.#make());
+    this.list.classList.toggle("many", points.length > MANY);
     points.forEach((point, index) => {
       const button = /** @type {HTMLButtonElement} */ (this.list.children[index]);
       const [left, top] = this.stage.shareOf(point.pixel);
@@ -64,7 +68,7 @@ export class Handles {
       setText(note, residual ? residualWords(residual) : "");
       // The words stay inside the picture, and off the line that shows what they say.
       button.classList.toggle("words-left", left > 0.6);
-      button.classList.toggle("words-above", top > 0.8 || (top > 0.2 && residual !== null && residual.residual_px[1] > 0));
+      button.classList.toggle("words-above", top > 0.8 || (top > 0.2 && residual !== null && residual.residual_px[1] < 0));
     });
   }
 

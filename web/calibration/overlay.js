@@ -38,11 +38,12 @@ export class OverlayPicture {
     if (overlay) {
       for (const line of overlay.grid) parts.push(...outlined("polyline", "grid", line));
       for (const side of /** @type {const} */ (["left", "right"])) {
+        if (overlay.patches[side].length === 0) continue;
         parts.push(...outlined("polygon", `patch-${side} area`, overlay.patches[side]));
         parts.push(this.#text(side === "left" ? "patch L" : "patch R", overlay.patches[side]));
       }
       parts.push(...outlined("polyline", "door", overlay.door_line));
-      for (const [u, v] of overlay.edges) parts.push(this.#dot("foot", [u, v], 2.5));
+      for (const foot of overlay.edges) if (foot) parts.push(this.#dot("foot", foot, 2.5));
     }
     if (draft && check) parts.push(...this.#residuals(draft, check));
     svg.replaceChildren(...parts);
@@ -65,7 +66,7 @@ export class OverlayPicture {
       if (!point || lengths[index] < 0.005) return;
       const [u, v] = point.pixel;
       /** @type {Pixel} */
-      const end = [u + du * this.enlargement, v + dv * this.enlargement];
+      const end = [u - du * this.enlargement, v - dv * this.enlargement];
       parts.push(...outlined("polyline", "residual", [[u, v], end]), this.#dot("end", end, 3));
     });
     return parts;

@@ -1,4 +1,4 @@
-/** @import { Calibration, Doorway, Pixel, Point } from "../types.js" */
+/** @import { Calibration, Doorway, Lens, Pixel, Point, Transfer } from "../types.js" */
 
 /** @typedef {"left-corner" | "right-corner" | "left-mark" | "right-mark" | "free"} Role */
 
@@ -38,9 +38,9 @@ export class Draft {
     /** @type {{ width_m: number | null, wall_thickness_m: number | null, height_m: number | null }} */
     this.door = { width_m: null, wall_thickness_m: null, height_m: null };
     this.distance_m = DISTANCE_M;
-    /** @type {Calibration["lens"]} */
+    /** @type {Lens | null} */
     this.lens = null;
-    /** @type {string | null} */
+    /** @type {Transfer | null} */
     this.transfer = null;
     this.points = rectangle(size);
   }
@@ -52,8 +52,8 @@ export class Draft {
   static of(calibration, size) {
     const draft = new Draft(calibration.size);
     draft.door = { ...calibration.doorway };
-    draft.lens = calibration.lens && { ...calibration.lens };
-    draft.transfer = calibration.transfer;
+    draft.lens = calibration.lens ?? null;
+    draft.transfer = calibration.transfer ?? null;
     const { points, distance_m } = recognise(calibration);
     draft.points = points;
     draft.distance_m = distance_m ?? DISTANCE_M;
@@ -158,7 +158,7 @@ export class Draft {
       const [u, v] = point.pixel;
       point.pixel = this.#inside([(u + 0.5) * across - 0.5, (v + 0.5) * down - 0.5]);
     }
-    if (this.lens) this.lens = { ...this.lens, focal_px: round(this.lens.focal_px * across, 3) };
+    if (this.lens?.focal_px) this.lens = { ...this.lens, focal_px: round(this.lens.focal_px * across, 3) };
   }
 
   /** @returns {Calibration} */

@@ -8,16 +8,16 @@ import { fixed, plural } from "../format.js";
  * @param {Check} check
  */
 export function summaryOf({ error, seen }) {
-  const sentences = [];
-  if (error) {
-    sentences.push(`Error ${fixed(error.rms_px, 1)} px, ${fixed(error.floor_mm, 1)} mm on the floor, ${fixed(error.angle_deg, 1)}° in angle.`);
-    if (error.noise_px === null) sentences.push("Four points always fit: add a fifth to see how well they agree.");
-  }
-  if (seen) sentences.push(seenWords(seen));
-  return sentences.join(" ");
+  if (!error) return "";
+  const { rms_px, noise_px, floor_mm, angle_deg } = error;
+  const consequence = floor_mm === null || angle_deg === null ? "" : `, ${fixed(floor_mm, 1)} mm on the floor, ${fixed(angle_deg, 1)}° in angle`;
+  if (noise_px !== null) return `Error ${fixed(rms_px, 1)} px${consequence}. ${seenWords(seen)}`;
+  // What the daemon takes where nothing tells.
+  const assumed = `If each is marked to 1 px${consequence}: four points always fit, and a fifth shows how well they agree.`;
+  return `${assumed} ${seenWords(seen)}`;
 }
 
-/** @param {NonNullable<Check["seen"]>} seen */
+/** @param {Check["seen"]} seen */
 function seenWords({ left, right }) {
   if (left >= 0.9995 && right >= 0.9995) return "Both patches are wholly in the picture.";
   return `In the picture: ${share(left)} of patch L, ${share(right)} of patch R.`;
@@ -28,7 +28,8 @@ const share = (part) => `${fixed(part >= 0.9995 ? 100 : Math.min(99.9, 100 * par
 
 /** @param {PointCheck} point */
 export function residualWords({ residual_px, residual_mm }) {
-  return `${fixed(Math.hypot(...residual_px), 1)} px, ${fixed(Math.hypot(...residual_mm), 1)} mm`;
+  const onFloor = residual_mm ? `${fixed(Math.hypot(...residual_mm), 1)} mm` : "above the horizon";
+  return `${fixed(Math.hypot(...residual_px), 1)} px, ${onFloor}`;
 }
 
 // The daemon names a key of the file; the reader sees a field of the page.
@@ -39,12 +40,14 @@ const KEYS = {
   "doorway.wall_thickness_m": "Thickness of the wall",
   "doorway.height_m": "Height of the opening",
   floor_points: "Points",
-  lens: "Lens",
-  transfer: "Brightness curve",
+  "patch.fov_m": "Patch size",
+  "lens.k1": "Distortion k1",
+  "lens.k2": "Distortion k2",
+  "lens.focal_px": "Focal length",
 };
 
 /** @param {string} error */
-const inWords = (error) => error.replace(/^([a-z_0-9.]+)(?=: )/, (key) => KEYS[key] ?? key);
+const inWords = (error) => error.replace(/^[a-z]\w*(\.\w+)?(?=[: ])/, (key) => KEYS[key] ?? key);
 
 /**
  * What is wrong with the draft, a line each.

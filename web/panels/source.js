@@ -27,7 +27,7 @@ export function showSource({ source, background }) {
   const list = byId("mismatch-list");
   resizeList(list, mismatches.length, () => document.createElement("li"));
   mismatches.forEach((mismatch, row) => setText(list.children[row], mismatch));
-  show("background-row", "background", background && ofFrames(background));
+  show("background-row", "background", background ? ofFrames(background) : null);
 }
 
 /**

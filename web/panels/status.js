@@ -37,8 +37,8 @@ export function showStatus(status) {
   setText(byId("daemon-rate"), `${fixed(rate.captured, 1)}, ${fixed(rate.solved, 1)} a second`);
 
   const preset = status.preset && status.preset !== status.model ? `, preset ${status.preset}` : "";
-  setText(byId("model"), status.model + preset);
-  setText(byId("lambda"), String(Number(status.lambda.toPrecision(4))));
+  setText(byId("model"), status.model === null ? UNKNOWN : status.model + preset);
+  setText(byId("lambda"), status.lambda > 0 ? String(Number(status.lambda.toPrecision(4))) : UNKNOWN);
   setText(byId("version"), `doorcam ${status.version}`);
   setText(byId("uptime"), `running for ${duration(status.uptime_s)}`);
 }
