@@ -185,7 +185,7 @@ function calibrated(first) {
 function showView(calibrating) {
   byId("map-view").hidden = calibrating;
   byId("calibration-view").hidden = !calibrating;
-  byId("calibrate").hidden = calibrating;
+  byId("to-calibration").hidden = calibrating;
   document.title = calibrating ? "Calibration – doorcam" : "doorcam";
   window.scrollTo(0, 0);
   if (calibrating) {
@@ -193,7 +193,7 @@ function showView(calibrating) {
     calibration.open();
   } else {
     calibration.close();
-    byId("calibrate").focus({ preventScroll: true });
+    byId("to-calibration").focus({ preventScroll: true });
   }
 }
 

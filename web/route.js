@@ -1,3 +1,5 @@
+// Neither this nor the map's "#live" is the id of an element: the browser would scroll there and take
+// the focus along.
 const CALIBRATE = "#calibrate";
 
 /** Which of the page's two views is shown: the map, or the calibration at #calibrate. */

@@ -66,6 +66,7 @@ describe("a camera that is not calibrated", () => {
     const { page, complaints } = await visit(t, {}, uncalibrated);
     await page.getByText("Back to the map").click();
     await page.locator("#map-notice", { hasText: "Not calibrated: nobody has said yet where the door is" }).waitFor();
+    assert.deepEqual([await page.locator("#model").innerText(), await page.locator("#lambda").innerText()], ["\u2013", "\u2013"]);
     await page.waitForTimeout(2500);
     assert.equal(await page.locator("#map-view").isVisible(), true);
     assert.equal(await page.getByRole("button", { name: "Reset background" }).getAttribute("aria-disabled"), "true");
@@ -73,7 +74,7 @@ describe("a camera that is not calibrated", () => {
     await page.locator("#cal-welcome").waitFor();
     await page.goBack();
     await page.locator("#map-view").waitFor();
-    assert.equal(await page.evaluate(() => document.activeElement?.id), "calibrate");
+    assert.equal(await page.evaluate(() => document.activeElement?.id), "to-calibration");
     assert.deepEqual(complaints, []);
   });
 });
@@ -84,7 +85,7 @@ describe("saving", () => {
       calibrated(mock);
       mock.calibration.before = null;
       const lens = { k1: -0.1, k2: 0.01, focal_px: 640 };
-      mock.calibration.inUse = { .../** @type {Calibration} */ (mock.calibration.inUse), lens, transfer: "gamma22" };
+      mock.calibration.inUse = { .../** @type {Calibration} */ (mock.calibration.inUse), lens, transfer: { gamma: 2.2 } };
     });
     const first = mock.calibration.inUse;
     await notSaved(page, "Nothing has changed.");
@@ -98,7 +99,7 @@ describe("saving", () => {
     const [body] = mock.calibration.put;
     assert.ok(near(body.floor_points[0].pixel[0] - (first?.floor_points[0].pixel[0] ?? 0), 0.1, 0.001));
     // What the page does not know of stays what it was.
-    assert.deepEqual([body.lens, body.transfer], [{ k1: -0.12, k2: 0.01, focal_px: 640 }, "gamma22"]);
+    assert.deepEqual([body.lens, body.transfer], [{ k1: -0.12, k2: 0.01, focal_px: 640 }, { gamma: 2.2 }]);
     await notSaved(page, "Nothing has changed.");
     assert.equal(await page.evaluate(() => document.activeElement?.id), "cal-save", "the keyboard stays where it was");
     await page.getByRole("button", { name: "Use the previous one" }).click();

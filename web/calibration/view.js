@@ -64,6 +64,7 @@ export class CalibrationView {
     this.changed = false;
     this.loadAt = 0;
     this.#say("", "");
+    byId("cal-welcome").hidden = true;
     this.editor.open(null, false, null);
     this.#tick();
     byId("cal-title").focus();
