@@ -9,7 +9,7 @@ use std::alloc::System;
 
 use doorcam::config::Config;
 use doorcam::geometry::Side;
-use doorcam::measurement::{Background, PatchPair};
+use doorcam::measurement::{Averager, Averaging, Background, PatchPair, RollingBackground};
 use doorcam::pipeline::{self, Model};
 use doorcam::simulation::direct::Cylinder;
 use doorcam::simulation::{Renderer, Scenario, Sensor};
@@ -96,4 +96,20 @@ fn from_patches() {
     walk(Start::Empty);
     assert_eq!(allocations(|| walk(Start::Empty)), 0, "frames, cold");
     assert_eq!(allocations(|| walk(Start::Previous)), 0, "frames, warm");
+    let mut rolling = RollingBackground::from_background(&background);
+    let mut follow = || frames.iter().cycle().take(100).for_each(|frame| rolling.adapt(frame, 1.0, 60.0));
+    follow();
+    assert_eq!(allocations(follow), 0, "a background that follows");
+    for mode in [Averaging::Exponential, Averaging::Boxcar] {
+        let mut averager = Averager::new(mode, 1.0, scenario.patch.size);
+        let mut seconds = 0.0;
+        let mut average = || {
+            for frame in frames.iter().cycle().take(40) {
+                seconds += 0.1;
+                std::hint::black_box(averager.push(frame, seconds));
+            }
+        };
+        average();
+        assert_eq!(allocations(average), 0, "{mode:?}");
+    }
 }

@@ -162,7 +162,7 @@ impl Averager {
         }
         add(&mut self.sums, pair, 1.0);
         let mut kept = self.spare.pop().unwrap_or_else(|| pair.clone());
-        kept.clone_from(pair);
+        kept.copy_from(pair);
         self.frames.push_back((seconds, kept));
         let count = self.frames.len() as f64;
         self.variance = 1.0 / count;

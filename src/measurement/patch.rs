@@ -77,6 +77,13 @@ impl PatchPair {
         }
     }
 
+    /// Takes over the values of `other`, which has the same size; a clone would allocate.
+    pub fn copy_from(&mut self, other: &PatchPair) {
+        for side in Side::BOTH {
+            self.side_mut(side).data_mut().copy_from_slice(other.side(side).data());
+        }
+    }
+
     /// Writes the difference of each value from `other`'s into `out`. All three have the same size.
     pub fn subtract(&self, other: &PatchPair, out: &mut PatchPair) {
         for side in Side::BOTH {

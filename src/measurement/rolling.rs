@@ -10,7 +10,7 @@ pub(super) const KEPT: usize = 64;
 
 /// The empty room's picture, followed over time: a mean per pixel, and how frames deviate from it.
 ///
-/// Deviations are kept as whole frames, [`KEPT`] at most, spread evenly over the time that the mean looks back: from them
+/// Deviations are kept as whole frames, 64 at most, spread evenly over the time that the mean looks back: from them
 /// come each pixel's variance, how far noise is spread over neighbours, and the patterns in which lamps drift apart. They are
 /// deviations from the mean of their own time, each colour's gain taken out, so that neither slow drift nor flicker, which
 /// harm nothing, pass for noise.
@@ -61,7 +61,7 @@ impl RollingBackground {
     }
 
     /// Follows a frame that shows the empty room, `step_s` seconds after the one before: what is older than `adapt_s` fades.
-    /// Allocates nothing once [`KEPT`] deviations are there, unless a snapshot still holds the oldest.
+    /// Allocates nothing once all deviations are there, unless a snapshot still holds the oldest.
     pub fn adapt(&mut self, pair: &PatchPair, step_s: f64, adapt_s: f64) {
         self.since_kept_s += step_s.max(0.0);
         if self.deviations.len() < KEPT || self.since_kept_s >= adapt_s / KEPT as f64 {
@@ -95,7 +95,7 @@ impl RollingBackground {
 
     /// Takes another picture of `averaged` frames for the empty room's; noise stays what it was.
     pub fn replace(&mut self, mean: &PatchPair, averaged: f64) {
-        self.mean.clone_from(mean);
+        self.mean.copy_from(mean);
         self.averaged = averaged.max(1.0);
     }
 

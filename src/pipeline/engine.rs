@@ -109,14 +109,13 @@ impl Engine {
         self
     }
 
-    /// Learns the background anew from the next frames, with whatever is in the room then. False, and nothing done, where
-    /// the background is fixed.
-    pub fn reset_background(&mut self) -> bool {
-        let Some(keeper) = &mut self.keeper else { return false };
-        self.averager.restart();
-        keeper.reset(&self.reconstructor);
-        self.watching = true;
-        true
+    /// Learns the background anew from the next frames, with whatever is in the room then. A fixed one stays.
+    pub fn reset_background(&mut self) {
+        if let Some(keeper) = &mut self.keeper {
+            self.averager.restart();
+            keeper.reset(&self.reconstructor);
+            self.watching = true;
+        }
     }
 
     /// Saves the background if there is a place for it, and waits until that is done. It is also done when the engine is

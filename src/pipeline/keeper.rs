@@ -27,6 +27,8 @@ pub(super) struct Keeper {
     reference: Light,
     candidate: Candidate,
     rebuilding: Option<Job<Prepared>>,
+    /// Seconds between two settings-up, at least.
+    rebuilt_s: f64,
     last_s: Option<f64>,
     age_s: f64,
     timers: Timers,
@@ -83,8 +85,9 @@ const CHECK_S: f64 = 1.0;
 /// share of the light.
 const MOVED: f64 = 0.25;
 const MOVED_LIGHT: f64 = 0.02;
-/// Seconds between two settings-up, at least.
+/// Seconds between two settings-up, at least; and times what one takes, so that a slow machine has time for its frames.
 const REBUILT_S: f64 = 5.0;
+const REBUILT_SHARE: f64 = 10.0;
 /// Frames from which on the noise is measured well enough to set the problem up anew.
 const ENOUGH: usize = 4;
 /// Frames that a start needs, and that learning anew needs.
@@ -116,6 +119,7 @@ impl Keeper {
             rolling: None,
             reference: Light::default(),
             rebuilding: None,
+            rebuilt_s: REBUILT_S,
             last_s: None,
             age_s: 0.0,
             timers: Timers::default(),
@@ -347,7 +351,7 @@ impl Keeper {
             tracing::info!("what has not moved for {} s is now part of the background", self.config.absorb_s);
             rolling.replace(&picture, averaged);
             // At once.
-            (self.timers.built, self.timers.checked) = (self.config.rebuild_s, CHECK_S);
+            (self.timers.built, self.timers.checked) = (self.config.rebuild_s.max(self.rebuilt_s), CHECK_S);
         }
     }
 
@@ -355,8 +359,12 @@ impl Keeper {
         match self.rebuilding.take().map(Job::poll) {
             None => {}
             Some(Err(running)) => self.rebuilding = Some(running),
+            // It failed, and said why itself: the old problem stays.
             Some(Ok(None)) => {}
             Some(Ok(Some(prepared))) => {
+                if self.work == Work::Aside {
+                    self.rebuilt_s = REBUILT_S.max(REBUILT_SHARE * prepared.took.as_secs_f64());
+                }
                 reconstructor.install(prepared);
                 self.use_reference(reconstructor);
             }
@@ -366,7 +374,7 @@ impl Keeper {
     /// Sets the problem up for the background of now when the one in use no longer fits, beside the frames.
     fn rebuild_if_due(&mut self, reconstructor: &mut Reconstructor) {
         let Some(rolling) = &self.rolling else { return };
-        let early = self.timers.checked < CHECK_S || self.timers.built < REBUILT_S;
+        let early = self.timers.checked < CHECK_S || self.timers.built < self.rebuilt_s;
         // What was learned from a single frame has its noise guessed from frames that differ from it.
         if self.rebuilding.is_some() || early || rolling.deviations() < ENOUGH {
             return;

@@ -26,6 +26,8 @@ pub(super) struct Prepared {
     refit: Vec<f64>,
     /// For looks at other pictures than the frame's.
     aside: (PatchPair, Correlations),
+    /// How long all that took to set up.
+    pub took: Duration,
 }
 
 /// What one frame says about the room.
@@ -66,6 +68,7 @@ impl Reconstruction {
 impl Prepared {
     /// For a background; where its frames do not tell the noise, a `difference` from it does.
     pub fn new(model: &Model, background: &Background, difference: &PatchPair) -> Self {
+        let start = Instant::now();
         let problem = Problem::new(model, background, difference);
         Self {
             reference: background.mean().clone(),
@@ -75,6 +78,7 @@ impl Prepared {
             refit: Vec::new(),
             aside: (difference.clone(), problem.projection.correlations()),
             problem,
+            took: start.elapsed(),
         }
     }
 }

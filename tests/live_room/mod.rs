@@ -112,8 +112,8 @@ impl Camera {
     }
 }
 
-pub fn engine(doorway: Doorway, config: &Config, fov_m: f64) -> Engine {
-    let manifest = Manifest {
+pub fn manifest(doorway: Doorway, fov_m: f64) -> Manifest {
+    Manifest {
         fps: 10.0,
         layout: Layout::Patches,
         transfer: Transfer::Linear,
@@ -124,10 +124,15 @@ pub fn engine(doorway: Doorway, config: &Config, fov_m: f64) -> Engine {
         fov_m: Some(fov_m),
         background_frames: None,
         notes: String::new(),
-    };
+    }
+}
+
+/// As offline: nothing is averaged, the background is what is given and stays. Frames start from the empty map.
+pub fn engine(doorway: Doorway, config: &Config, fov_m: f64) -> Engine {
+    let manifest = manifest(doorway, fov_m);
     let reader = FrameReader::for_recording(config, &manifest).expect("a reader");
     let model = Model::new(config, doorway, reader.patch(), reader.seen()).expect("a model");
-    Engine::new(reader, Reconstructor::new(Arc::new(model), true))
+    Engine::new(reader, Reconstructor::new(Arc::new(model), false))
 }
 
 /// An exposure of this light, encoded.
