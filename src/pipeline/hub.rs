@@ -7,7 +7,7 @@ use serde::Serialize;
 use tokio::sync::watch;
 
 use super::meters::Meters;
-use super::{Model, State, Update};
+use super::{BackgroundReport, Model, State, Update};
 use crate::config::Preset;
 use crate::measurement::PatchPair;
 use crate::scene::Scene;
@@ -135,6 +135,8 @@ pub struct Status {
     pub frames: Frames,
     /// Frames a second over the last seconds.
     pub rate_hz: Rates,
+    /// What the newest update is a change against; none before the first, and where the background is fixed.
+    pub background: Option<BackgroundReport>,
     /// The newest update; none before the first.
     pub last_update: Option<LastUpdate>,
     /// Clients of the live socket.
@@ -285,6 +287,7 @@ impl Hub {
             },
             frames: counters.frames.clone(),
             rate_hz: Rates { captured: counters.captured.hz(now), solved: counters.solved.hz(now) },
+            background: last.as_ref().and_then(|p| p.update.background.clone()),
             last_update: last.map(|p| LastUpdate { sequence: p.update.sequence, age_s: p.at.elapsed().as_secs_f64() }),
             clients,
         }
