@@ -68,6 +68,22 @@ impl Calibration {
         manifest.transfer = self.transfer().clone();
     }
 
+    /// The manifest of a recording of this camera's images.
+    pub fn manifest(&self, fps: f64, notes: String) -> Manifest {
+        Manifest {
+            fps,
+            layout: Layout::Camera,
+            transfer: self.transfer().clone(),
+            size: Some(self.size),
+            doorway: self.doorway,
+            floor_points: self.floor_points.clone(),
+            lens: self.lens,
+            fov_m: None,
+            background_frames: None,
+            notes,
+        }
+    }
+
     /// The camera's transfer function.
     pub fn transfer(&self) -> &Transfer {
         self.transfer.as_ref().unwrap_or(&Transfer::Srgb)
@@ -111,6 +127,14 @@ mod tests {
         assert!((seen[0] - 300.0).abs() < 1e-6 && (seen[1] - 70.0).abs() < 1e-6, "{seen:?}");
         let floor = camera.floor(seen).unwrap();
         assert!(floor[0].abs() < 1e-9 && (floor[1] + 0.2).abs() < 1e-9, "{floor:?}");
+    }
+
+    #[test]
+    fn a_recording_has_the_calibration_of_its_camera() {
+        let mut calibration = calibration();
+        calibration.lens = Some(Lens { k1: -0.2, k2: 0.05, focal_px: None });
+        let back = Calibration::of_recording(&calibration.manifest(12.5, String::new())).unwrap();
+        assert_eq!(back, Calibration { transfer: Some(Transfer::Srgb), ..calibration });
     }
 
     #[test]

@@ -7,6 +7,7 @@ mod jpeg;
 mod optics;
 #[cfg_attr(not(feature = "v4l2"), allow(dead_code))]
 mod pool;
+pub mod recorder;
 pub mod recording;
 mod replay;
 pub mod sensor;

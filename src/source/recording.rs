@@ -117,7 +117,16 @@ fn parse_manifest(text: &str) -> Result<(Manifest, Vec<String>), String> {
     let parsed = serde_ignored::deserialize(tracked, |key| unknown.push(key.to_string()));
     let manifest = parsed.map_err(|e: serde_json::Error| {
         let path = track.path().to_string();
-        if path == "." { e.to_string() } else { format!("{path}: {e}") }
+        if path != "." {
+            return format!("{path}: {e}");
+        }
+        match e.to_string() {
+            missing if missing.starts_with("missing field `doorway`") => {
+                "doorway and floor_points are missing: they come with a calibration (docs/recordings.md says how)"
+                    .into()
+            }
+            other => other,
+        }
     })?;
     json.end().map_err(|e| e.to_string())?;
     Ok((manifest, unknown))
@@ -183,6 +192,7 @@ fn read_times(file: &Path) -> Result<BTreeMap<u64, f64>, SourceError> {
         Err(e) => return Err(SourceError::new(file, reason(&e))),
     };
     let mut times = BTreeMap::new();
+    let last = text.lines().count().saturating_sub(1);
     for (number, line) in text.lines().enumerate() {
         let fields: Vec<&str> = line.split(',').map(str::trim).collect();
         if line.trim().is_empty() || (number == 0 && fields.iter().any(|f| f.parse::<f64>().is_err())) {
@@ -192,6 +202,10 @@ fn read_times(file: &Path) -> Result<BTreeMap<u64, f64>, SourceError> {
             [index, seconds] => index.parse().ok().zip(seconds.parse::<f64>().ok().filter(|s| s.is_finite())),
             _ => None,
         };
+        // A power cut while recording may leave half a line.
+        if parsed.is_none() && number == last && !text.ends_with('\n') {
+            break;
+        }
         let (index, seconds) =
             parsed.ok_or_else(|| SourceError::new(file, format!("line {}: expected \"index,seconds\"", number + 1)))?;
         times.insert(index, seconds);
