@@ -7,6 +7,7 @@ mod demo;
 mod devices;
 mod import;
 mod reconstruct;
+mod record;
 mod serve;
 mod source;
 
@@ -43,6 +44,7 @@ enum Command {
     Demo(demo::Arguments),
     Serve(serve::Arguments),
     Reconstruct(reconstruct::Arguments),
+    Record(record::Arguments),
     Import(import::Arguments),
     #[cfg(feature = "v4l2")]
     Devices(devices::Arguments),
@@ -97,6 +99,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
+        Command::Record(arguments) => record::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         #[cfg(feature = "v4l2")]
         Command::Devices(arguments) => devices::run(&arguments),

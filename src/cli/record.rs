@@ -1,0 +1,388 @@
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use doorcam::config::Config;
+use doorcam::geometry::Doorway;
+use doorcam::measurement::Calibration;
+use doorcam::source::camera::Setting;
+use doorcam::source::recorder::{Limits, Recorder, RecordingPlan, RecordingStatus, RecordingWriter};
+use doorcam::source::{Condition, Granted, Replay, ReplayOptions, Source, SourceEvent, SourceState, SystemClock};
+use indicatif::{ProgressBar, ProgressStyle};
+use tokio::signal::unix::{SignalKind, signal};
+
+use super::open_recording;
+use super::source::{self, SourceKind, SourceSpec};
+
+/// Record a camera, or a recording, into a directory that replays
+///
+/// The first seconds must show the empty room: they become the recording's background. Ctrl-C ends the recording, and so
+/// do --seconds, --frames and --max-bytes. JPEGs are kept as the camera gives them, raw pixels become PNGs.
+#[derive(Debug, clap::Args)]
+#[command(after_help = format!("{}
+
+A camera's recording holds where the camera sees the floor: --calibration FILE, JSON with the keys size, doorway and
+floor_points of recording.json (docs/recordings.md); the recording.json of another recording from the same place will do.
+Without one, --uncalibrated records all the same; add doorway and floor_points to OUT/recording.json before replaying.
+
+Examples:
+  doorcam record --source v4l2:/dev/video0 --calibration door.json --seconds 60 evening
+  doorcam record --source v4l2:/dev/video0 --uncalibrated --empty-seconds 10 evening
+  doorcam serve --source replay:evening,loop", source::HELP))]
+pub(super) struct Arguments {
+    /// Where frames come from
+    #[arg(long, value_name = "SOURCE")]
+    source: SourceSpec,
+    /// Where to write; a directory that is empty or not there yet
+    out: PathBuf,
+    /// End after so many seconds
+    #[arg(long, value_name = "S", value_parser = above_zero)]
+    seconds: Option<f64>,
+    /// End after so many frames
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    frames: Option<u64>,
+    /// End before the files take more than this: bytes, or with kB, MB, GB
+    #[arg(long, value_name = "SIZE", default_value = "10GB", value_parser = parse_size)]
+    max_bytes: u64,
+    /// Where the camera sees the floor
+    #[arg(long, value_name = "FILE", conflicts_with = "uncalibrated")]
+    calibration: Option<PathBuf>,
+    /// Record although it is not known where the camera sees the floor
+    #[arg(long)]
+    uncalibrated: bool,
+    /// So long, from the first frame on, the room is empty; 0 if it never is [default: 3]
+    #[arg(long, value_name = "S", value_parser = not_negative)]
+    empty_seconds: Option<f64>,
+    /// Configuration file, of which [camera] counts
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+}
+
+/// How long to wait for a camera's first frame.
+const WAIT: Duration = Duration::from_secs(10);
+/// Automatics are locked so long after their time: the camera is asked once a second.
+const LOCKING: Duration = Duration::from_millis(1500);
+
+fn above_zero(text: &str) -> Result<f64, String> {
+    not_negative(text).and_then(|s| if s > 0.0 { Ok(s) } else { Err("expected a number above 0".into()) })
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.0..1e9).contains(&seconds) => Ok(seconds),
+        _ => Err("expected a number of seconds".into()),
+    }
+}
+
+fn parse_size(text: &str) -> Result<u64, String> {
+    let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let (number, unit) = text.split_at(digits);
+    let factor = match &unit.trim().to_ascii_lowercase()[..] {
+        "" | "b" => 1.0,
+        "k" | "kb" => 1e3,
+        "m" | "mb" => 1e6,
+        "g" | "gb" => 1e9,
+        "t" | "tb" => 1e12,
+        "kib" => 1024.0,
+        "mib" => 1024.0 * 1024.0,
+        "gib" => 1024.0 * 1024.0 * 1024.0,
+        _ => return Err("expected a size such as 500MB, 2GB or a number of bytes".into()),
+    };
+    match number.parse::<f64>() {
+        Ok(number) if number > 0.0 => Ok((number * factor) as u64),
+        _ => Err("expected a size above 0, such as 500MB".into()),
+    }
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    RecordingWriter::check_free(&arguments.out)?;
+    let limits = Limits { seconds: arguments.seconds, frames: arguments.frames, bytes: Some(arguments.max_bytes) };
+    let interrupted = interrupted()?;
+    match &arguments.source.kind {
+        SourceKind::Replay(directory, options) => replay(arguments, directory, *options, limits, &interrupted),
+        SourceKind::Camera(name) => camera(arguments, name, limits, &interrupted),
+    }
+}
+
+/// Turns true at Ctrl-C, or when a service manager says so.
+fn interrupted() -> anyhow::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let set = Arc::clone(&flag);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    // Before the thread runs: no signal may come before somebody listens.
+    let (mut interrupt, mut terminate) = {
+        let _inside = runtime.enter();
+        (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?)
+    };
+    std::thread::spawn(move || {
+        runtime.block_on(async {
+            tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }
+            set.store(true, Ordering::Relaxed);
+            // Who asks twice does not want to wait for the disk.
+            tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }
+            std::process::exit(1);
+        });
+    });
+    Ok(flag)
+}
+
+fn replay(
+    arguments: &Arguments,
+    directory: &Path,
+    options: ReplayOptions,
+    limits: Limits,
+    interrupted: &AtomicBool,
+) -> anyhow::Result<()> {
+    if arguments.calibration.is_some() || arguments.uncalibrated {
+        bail!("{}: a recording has its own calibration", arguments.source.text);
+    }
+    let recording = Arc::new(open_recording(directory)?);
+    let manifest = recording.manifest.clone();
+    let plan = RecordingPlan { manifest, empty_seconds: arguments.empty_seconds, calibrated: true, limits };
+    let mut recorder = Recorder::start(&arguments.out, plan)?;
+    let mut source = Replay::new(recording, options, SystemClock::default());
+    record(&mut source, &mut recorder, Narrator::default(), None, interrupted)
+}
+
+fn camera(arguments: &Arguments, name: &str, limits: Limits, interrupted: &AtomicBool) -> anyhow::Result<()> {
+    let spec = &arguments.source.text;
+    let empty = arguments.empty_seconds.unwrap_or(3.0);
+    if let Some(seconds) = limits.seconds.filter(|&seconds| seconds <= empty) {
+        bail!("--seconds {seconds} leaves nothing after the {empty} s of the empty room (--empty-seconds)");
+    }
+    let calibration = match &arguments.calibration {
+        Some(file) => Some(load_calibration(file)?),
+        None if arguments.uncalibrated => None,
+        None => bail!(
+            "{spec}: it is not known where this camera sees the floor: give --calibration FILE, or --uncalibrated to add \
+             doorway and floor_points to the recording later (doorcam record --help tells more)"
+        ),
+    };
+    let mut config = arguments.config.as_deref().map(Config::load).transpose()?.unwrap_or_default();
+    if let Some(size) =
+        calibration.as_ref().and_then(|c| Some([c.size[0].try_into().ok()?, c.size[1].try_into().ok()?]))
+    {
+        config.camera.size = size;
+    }
+    let mut source = open_camera(&config, name, spec)?;
+    let mut narrator = Narrator::default();
+    let granted = first_frame(&mut *source, &mut narrator, spec, interrupted)?;
+    if let (Some(calibration), Some(file)) = (&calibration, &arguments.calibration)
+        && calibration.size != granted.size
+    {
+        let ([w, h], [cw, ch]) = (granted.size, calibration.size);
+        bail!("{}: size is [{cw}, {ch}], but the camera gives {w} x {h} pixels", file.display());
+    }
+    let camera = &config.camera;
+    if [camera.exposure, camera.gain, camera.white_balance, camera.focus].contains(&Setting::Lock)
+        && camera.settle_s > 0.0
+    {
+        tracing::info!("letting the camera's automatics settle for {} s", camera.settle_s);
+        let settled = Instant::now() + Duration::from_secs_f64(camera.settle_s) + LOCKING;
+        watch(&mut *source, &mut narrator, interrupted, |_| Instant::now() >= settled);
+    }
+    let notes =
+        format!("{}, {}, recorded {}", granted.card, granted.format, jiff::Timestamp::now().strftime("%F %R UTC"));
+    let plan = RecordingPlan {
+        calibrated: calibration.is_some(),
+        manifest: calibration.unwrap_or_else(|| unknown(granted.size)).manifest(granted.fps, notes),
+        empty_seconds: (empty > 0.0).then_some(empty),
+        limits,
+    };
+    if interrupted.load(Ordering::Relaxed) {
+        bail!("{spec}: interrupted before the first frame was recorded");
+    }
+    let mut recorder = Recorder::start(&arguments.out, plan)?;
+    if empty > 0.0 {
+        tracing::info!("recording: keep the room empty for {empty} s");
+    }
+    record(&mut *source, &mut recorder, narrator, Some(granted.size), interrupted)
+}
+
+/// What stands for a calibration that nobody has yet: nothing of it but the size is written.
+fn unknown(size: [usize; 2]) -> Calibration {
+    let doorway = Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None };
+    Calibration { size, doorway, floor_points: Vec::new(), lens: None, transfer: None }
+}
+
+fn load_calibration(file: &Path) -> anyhow::Result<Calibration> {
+    let name = || file.display().to_string();
+    let text = std::fs::read_to_string(file).with_context(name)?;
+    let mut json = serde_json::Deserializer::from_str(&text);
+    let calibration: Calibration = serde_path_to_error::deserialize(&mut json).with_context(name)?;
+    calibration.camera().with_context(name)?;
+    Ok(calibration)
+}
+
+#[cfg(feature = "v4l2")]
+fn open_camera(config: &Config, name: &str, _: &str) -> anyhow::Result<Box<dyn Source>> {
+    use doorcam::source::camera::{CameraOptions, Locked, Supervisor};
+    use doorcam::source::v4l2::V4l2Camera;
+
+    // A recording wants every frame, not the newest one.
+    let options = CameraOptions { newest_only: false, ..config.camera.options() };
+    let camera = V4l2Camera::new(name, options, Arc::new(Locked::default()));
+    Ok(Box::new(Supervisor::new(camera, SystemClock::default(), u64::from(std::process::id()))))
+}
+
+#[cfg(not(feature = "v4l2"))]
+fn open_camera(_: &Config, _: &str, spec: &str) -> anyhow::Result<Box<dyn Source>> {
+    bail!("{spec}: this doorcam was built without cameras (feature v4l2)")
+}
+
+/// Waits for a camera's first frame and returns what the camera granted.
+fn first_frame(
+    source: &mut dyn Source,
+    narrator: &mut Narrator,
+    spec: &str,
+    interrupted: &AtomicBool,
+) -> anyhow::Result<Granted> {
+    let deadline = Instant::now() + WAIT;
+    let mut condition = None;
+    watch(source, narrator, interrupted, |event| {
+        if let SourceEvent::Condition(news) = event {
+            condition = Some(news.clone());
+        }
+        let streams = condition.as_ref().is_some_and(|c| c.state == SourceState::Streaming);
+        streams || Instant::now() >= deadline
+    });
+    match condition {
+        Some(Condition { state: SourceState::Streaming, granted: Some(granted), .. }) => Ok(granted),
+        _ if interrupted.load(Ordering::Relaxed) => bail!("{spec}: interrupted before the first frame"),
+        Some(Condition { reason: Some(reason), .. }) => bail!("gave up after {} s: {reason}", WAIT.as_secs()),
+        _ => bail!("{spec}: no frame within {} s", WAIT.as_secs()),
+    }
+}
+
+/// Looks at what a camera says, frames aside, until `done`.
+fn watch(
+    source: &mut dyn Source,
+    narrator: &mut Narrator,
+    interrupted: &AtomicBool,
+    mut done: impl FnMut(&SourceEvent) -> bool,
+) {
+    while !interrupted.load(Ordering::Relaxed)
+        && let Some(event) = source.next()
+    {
+        if let SourceEvent::Condition(condition) = &event {
+            narrator.tell(condition);
+        }
+        if done(&event) {
+            return;
+        }
+    }
+}
+
+/// Says how a source is doing when that changes.
+#[derive(Default)]
+struct Narrator(Option<SourceState>);
+
+impl Narrator {
+    fn tell(&mut self, condition: &Condition) {
+        if let Some(reason) = &condition.reason {
+            tracing::warn!("{reason}");
+        }
+        let news = self.0.replace(condition.state) != Some(condition.state);
+        let Some(granted) = &condition.granted else { return };
+        if news && condition.state == SourceState::Streaming {
+            let Granted { node, card, format, size: [width, height], fps, .. } = granted;
+            let fps = (fps * 100.0).round() / 100.0;
+            tracing::info!("{node}: {card}, {format} {width}x{height}, {fps} frames a second");
+        }
+        granted.mismatches.iter().for_each(|mismatch| tracing::warn!("{}: {mismatch}", granted.node));
+    }
+}
+
+/// Records until there are no more frames, a limit is reached or someone says so. A live camera's images have a `size`;
+/// files can wait.
+fn record(
+    source: &mut dyn Source,
+    recorder: &mut Recorder,
+    mut narrator: Narrator,
+    size: Option<[usize; 2]>,
+    interrupted: &AtomicBool,
+) -> anyhow::Result<()> {
+    let spinner = ProgressBar::hidden();
+    if std::io::IsTerminal::is_terminal(&std::io::stderr()) {
+        spinner.set_draw_target(indicatif::ProgressDrawTarget::stderr());
+        spinner.set_style(ProgressStyle::with_template("{spinner} {msg}")?);
+    }
+    let mut changed = None;
+    while !interrupted.load(Ordering::Relaxed) && !recorder.has_ended() && changed.is_none() {
+        match source.next() {
+            None => break,
+            Some(SourceEvent::Frame(frame)) => {
+                let taken = if size.is_some() { recorder.offer(&frame) } else { recorder.put(&frame) };
+                if !taken {
+                    break;
+                }
+            }
+            Some(SourceEvent::Skipped(skipped)) => {
+                spinner.suspend(|| tracing::warn!("skipped a frame: {skipped}"));
+                recorder.lost(1);
+            }
+            Some(SourceEvent::Lost(count) | SourceEvent::Superseded(count)) => recorder.lost(count),
+            Some(SourceEvent::Condition(condition)) => {
+                spinner.suspend(|| narrator.tell(&condition));
+                changed = size.zip(condition.granted).filter(|(size, granted)| *size != granted.size);
+            }
+            Some(SourceEvent::Nothing) => {}
+        }
+        spinner.set_message(summary(&recorder.status()));
+        spinner.tick();
+    }
+    spinner.set_message("bringing it to the disk");
+    let status = recorder.stop();
+    spinner.finish_and_clear();
+    let out = status.directory.display();
+    if let Some(error) = &status.error {
+        bail!("{error} (the {} frames before that are safe in {out})", status.written.frames);
+    }
+    if let Some(([w, h], Granted { node, size: [nw, nh], .. })) = changed {
+        let frames = status.written.frames;
+        bail!(
+            "{node}: the camera gives {nw} x {nh} pixels now, the recording has {w} x {h} ({frames} frames in {out})"
+        );
+    }
+    if status.written.frames == 0 {
+        bail!("{out}: no frame was recorded");
+    }
+    tracing::info!("recorded {}: {out}", summary(&status));
+    Ok(())
+}
+
+fn summary(status: &RecordingStatus) -> String {
+    let written = &status.written;
+    let rate = if written.seconds > 0.0 { (written.frames.saturating_sub(1)) as f64 / written.seconds } else { 0.0 };
+    format!(
+        "{} frames in {:.1} s ({rate:.2} a second), {:.1} MB; {} lost, {} skipped, {} too fast for the disk",
+        written.frames,
+        written.seconds,
+        written.bytes as f64 / 1e6,
+        status.lost,
+        written.skipped,
+        status.overflowed
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read() {
+        assert_eq!(parse_size("500MB"), Ok(500_000_000));
+        assert_eq!(parse_size("2GiB"), Ok(2 << 30));
+        assert_eq!(parse_size("1.5 kb"), Ok(1500));
+        assert_eq!(parse_size("4096"), Ok(4096));
+        for wrong in ["", "MB", "0", "-1", "3 parsecs", "1.2.3"] {
+            assert!(parse_size(wrong).unwrap_err().starts_with("expected a size"), "{wrong}");
+        }
+        assert_eq!(above_zero("2.5"), Ok(2.5));
+        for wrong in ["0", "-1", "nan", "inf", "x"] {
+            above_zero(wrong).unwrap_err();
+        }
+    }
+}
