@@ -23,12 +23,13 @@ use super::source::{self, SourceKind, SourceSpec};
 #[derive(Debug, clap::Args)]
 #[command(after_help = format!("{}
 
-A camera's recording holds where the camera sees the floor: --calibration FILE, JSON with the keys size, doorway and
-floor_points of recording.json (docs/recordings.md); the recording.json of another recording from the same place will do.
-Without one, --uncalibrated records all the same; add doorway and floor_points to OUT/recording.json before replaying.
+A camera's recording holds where the camera sees the floor: what was calibrated on the page of doorcam serve, or
+--calibration FILE, JSON with the keys size, doorway and floor_points of recording.json (docs/recordings.md); the
+recording.json of another recording from the same place will do. Without one, --uncalibrated records all the same; add
+doorway and floor_points to OUT/recording.json before replaying.
 
 Examples:
-  doorcam record --source v4l2:/dev/video0 --calibration door.json --seconds 60 evening
+  doorcam record --source v4l2:/dev/video0 --seconds 60 evening
   doorcam record --source v4l2:/dev/video0 --uncalibrated --empty-seconds 10 evening
   doorcam serve --source replay:evening,loop", source::HELP))]
 pub(super) struct Arguments {
@@ -46,16 +47,19 @@ pub(super) struct Arguments {
     /// End before the files take more than this: bytes, or with kB, MB, GB
     #[arg(long, value_name = "SIZE", default_value = "10GB", value_parser = parse_size)]
     max_bytes: u64,
-    /// Where the camera sees the floor
+    /// Where the camera sees the floor [default: what was calibrated on the page, calibration.json in the storage directory]
     #[arg(long, value_name = "FILE", conflicts_with = "uncalibrated")]
     calibration: Option<PathBuf>,
+    /// Directory of what doorcam keeps between runs [default: storage.directory of the configuration]
+    #[arg(long, value_name = "DIR")]
+    storage: Option<PathBuf>,
     /// Record although it is not known where the camera sees the floor
     #[arg(long)]
     uncalibrated: bool,
     /// So long, from the first frame on, the room is empty; 0 if it never is [default: 3]
     #[arg(long, value_name = "S", value_parser = not_negative)]
     empty_seconds: Option<f64>,
-    /// Configuration file, of which [camera] counts
+    /// Configuration file, of which [camera] and [storage] count
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
 }
@@ -152,15 +156,20 @@ fn camera(arguments: &Arguments, name: &str, limits: Limits, interrupted: &Atomi
     if let Some(seconds) = limits.seconds.filter(|&seconds| seconds <= empty) {
         bail!("--seconds {seconds} leaves nothing after the {empty} s of the empty room (--empty-seconds)");
     }
-    let calibration = match &arguments.calibration {
-        Some(file) => Some(load_calibration(file)?),
+    let mut config = arguments.config.as_deref().map(Config::load).transpose()?.unwrap_or_default();
+    if let Some(directory) = &arguments.storage {
+        config.storage.directory.clone_from(directory);
+    }
+    let kept = config.storage.directory().map(|directory| directory.join("calibration.json"));
+    let file = arguments.calibration.clone().or(kept.filter(|file| !arguments.uncalibrated && file.exists()));
+    let calibration = match &file {
+        Some(file) => Some(load_calibration(file, &config)?),
         None if arguments.uncalibrated => None,
         None => bail!(
-            "{spec}: it is not known where this camera sees the floor: give --calibration FILE, or --uncalibrated to add \
-             doorway and floor_points to the recording later (doorcam record --help tells more)"
+            "{spec}: it is not known where this camera sees the floor: calibrate it on the page of doorcam serve, give \
+             --calibration FILE, or --uncalibrated to add doorway and floor_points to the recording later"
         ),
     };
-    let mut config = arguments.config.as_deref().map(Config::load).transpose()?.unwrap_or_default();
     if let Some(size) =
         calibration.as_ref().and_then(|c| Some([c.size[0].try_into().ok()?, c.size[1].try_into().ok()?]))
     {
@@ -169,7 +178,7 @@ fn camera(arguments: &Arguments, name: &str, limits: Limits, interrupted: &Atomi
     let mut source = open_camera(&config, name, spec)?;
     let mut narrator = Narrator::default();
     let granted = first_frame(&mut *source, &mut narrator, spec, interrupted)?;
-    if let (Some(calibration), Some(file)) = (&calibration, &arguments.calibration)
+    if let (Some(calibration), Some(file)) = (&calibration, &file)
         && calibration.size != granted.size
     {
         let ([w, h], [cw, ch]) = (granted.size, calibration.size);
@@ -207,11 +216,14 @@ fn unknown(size: [usize; 2]) -> Calibration {
     Calibration { size, doorway, floor_points: Vec::new(), lens: None, transfer: None }
 }
 
-fn load_calibration(file: &Path) -> anyhow::Result<Calibration> {
+/// With the configuration's lens and transfer function where the file has none.
+fn load_calibration(file: &Path, config: &Config) -> anyhow::Result<Calibration> {
     let name = || file.display().to_string();
     let text = std::fs::read_to_string(file).with_context(name)?;
     let mut json = serde_json::Deserializer::from_str(&text);
-    let calibration: Calibration = serde_path_to_error::deserialize(&mut json).with_context(name)?;
+    let mut calibration: Calibration = serde_path_to_error::deserialize(&mut json).with_context(name)?;
+    calibration.lens = calibration.lens.or(config.camera.lens());
+    calibration.transfer = calibration.transfer.or(Some(config.camera.transfer.clone()));
     calibration.camera().with_context(name)?;
     Ok(calibration)
 }
@@ -223,7 +235,9 @@ fn open_camera(config: &Config, name: &str, _: &str) -> anyhow::Result<Box<dyn S
 
     // A recording wants every frame, not the newest one.
     let options = CameraOptions { newest_only: false, ..config.camera.options() };
-    let camera = V4l2Camera::new(name, options, Arc::new(Locked::default()));
+    // The exposure that doorcam serve has locked, if it has.
+    let locked = Locked::new(config.storage.directory().map(|directory| directory.join("controls.json")));
+    let camera = V4l2Camera::new(name, options, Arc::new(locked));
     Ok(Box::new(Supervisor::new(camera, SystemClock::default(), u64::from(std::process::id()))))
 }
 

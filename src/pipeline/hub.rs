@@ -287,7 +287,7 @@ impl Hub {
             },
             frames: counters.frames.clone(),
             rate_hz: Rates { captured: counters.captured.hz(now), solved: counters.solved.hz(now) },
-            background: last.as_ref().and_then(|p| p.update.background.clone()),
+            background: last.as_ref().and_then(|p| p.update.background),
             last_update: last.map(|p| LastUpdate { sequence: p.update.sequence, age_s: p.at.elapsed().as_secs_f64() }),
             clients,
         }
