@@ -79,6 +79,20 @@ fn a_moved_chair_is_absorbed_in_time_and_at_once_when_asked() {
     assert_eq!(share_lit(&after), 0.0);
 }
 
+#[test]
+fn what_a_loop_shows_again_and_again_is_not_absorbed() {
+    let mut config = config();
+    config.background.absorb_s = 10.0;
+    let mut camera = Camera::new(&scenario(0.4, 2.0), &config, 1.0);
+    camera.empty(20.0);
+    let there = camera.renderer.render(vec![person([0.2, 1.3])]);
+    for _ in 0..40 {
+        camera.frame = 0;
+        camera.empty(1.0);
+        assert!(lit(&camera.see(&there)) > 0);
+    }
+}
+
 /// The same room with its walls lit otherwise: by a lamp at the left that is `factor` as bright.
 fn other_lamp(scenario: &Scenario, factor: f64) -> Renderer {
     let mut scenario = scenario.clone();

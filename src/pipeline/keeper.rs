@@ -226,6 +226,8 @@ impl Keeper {
         let step = self.last_s.replace(seconds).map(|last| seconds - last);
         let Some(step) = step.filter(|step| (0.0..=GAP_S).contains(step)) else {
             self.light.restart();
+            // A recording that starts again shows the same anew; that does not make it old.
+            self.candidate.clear();
             return 0.0;
         };
         self.age_s += step;
