@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::rectify::seen_cells;
+use super::footprint::seen_whole;
 use super::{ASSUMED_NOISE_PX, Accuracy, Calibration, FloorFit, Overlay};
 use crate::geometry::{Doorway, Point, Side};
 use crate::transport::PatchGrid;
@@ -97,7 +97,7 @@ impl Check {
     fn look_for_patches(&mut self, fit: &FloorFit, calibration: &Calibration, patch: &PatchGrid) {
         let [width, height] = calibration.size;
         let share = |side| {
-            let seen = seen_cells(&calibration.doorway, patch, side, fit.camera(), (width, height));
+            let seen = seen_whole(&calibration.doorway, patch, side, fit.camera(), (width, height));
             seen.iter().filter(|&&s| s).count() as f64 / patch.pixels().max(1) as f64
         };
         self.seen = Seen { left: share(Side::Left), right: share(Side::Right) };

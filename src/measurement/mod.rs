@@ -9,6 +9,7 @@ mod camera;
 mod check;
 mod drift;
 mod fit;
+mod footprint;
 mod homography;
 mod lens;
 mod mask;

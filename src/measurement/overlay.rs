@@ -16,7 +16,7 @@ pub struct Overlay {
     pub door_line: Vec<Point>,
     /// The patches' outlines, from the wall's corner with the smallest x on; the last point joins the first.
     pub patches: Outlines,
-    /// Lines every [`GRID_M`] metres: along x from the wall on, along y from the middle of the door on.
+    /// Lines every 0.1 m: along x from the wall on, along y from the middle of the door on.
     pub grid: Vec<Vec<Point>>,
 }
 
@@ -30,7 +30,7 @@ pub struct Outlines {
 }
 
 /// Metres between the lines of the grid.
-pub const GRID_M: f64 = 0.1;
+const GRID_M: f64 = 0.1;
 
 /// Points along a line are this far apart on the floor: a lens bends it, and it may leave the image.
 const STEP_M: f64 = 0.02;

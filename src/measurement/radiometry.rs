@@ -43,11 +43,21 @@ impl LightTable {
         }
     }
 
-    /// Light of one sample.
-    pub fn sample(&self, image: &Image, index: usize) -> f32 {
+    /// Adds light, times a weight each, of as many of an image's pixels as there are weights, from the pixel `first` on, to
+    /// the sums of red, green and blue.
+    pub fn add_weighted(&self, image: &Image, first: usize, weights: &[f32], sums: &mut [f32; 3]) {
+        let samples = 3 * first..3 * (first + weights.len());
         match &image.samples {
-            Samples::Eight(codes) => self.eight[usize::from(codes[index])],
-            Samples::Sixteen(codes) => self.sixteen[usize::from(codes[index])],
+            Samples::Eight(codes) => add(&self.eight, &codes[samples], weights, sums),
+            Samples::Sixteen(codes) => add(&self.sixteen, &codes[samples], weights, sums),
+        }
+    }
+}
+
+fn add<C: Copy + Into<usize>>(table: &[f32], codes: &[C], weights: &[f32], sums: &mut [f32; 3]) {
+    for (rgb, weight) in codes.chunks_exact(3).zip(weights) {
+        for (sum, &code) in sums.iter_mut().zip(rgb) {
+            *sum += weight * table[code.into()];
         }
     }
 }

@@ -2,8 +2,9 @@
 
 use std::ops::Range;
 
+use super::footprint::{Footprint, footprints};
 use super::{Camera, Filter, LightTable, Patch, PatchPair, PatchResampler};
-use crate::geometry::{Doorway, Point, Side};
+use crate::geometry::{Doorway, Side};
 use crate::source::image::Image;
 use crate::transport::PatchGrid;
 
@@ -43,29 +44,35 @@ impl PatchRectifier {
     }
 }
 
-/// Points along each side of a patch pixel at which the camera's image is read.
-const SUBSAMPLES: usize = 4;
-
-/// Reads the patches out of a camera's image: each patch pixel is the mean over its square of floor, read by bilinear
-/// interpolation, so that its value does not depend on how obliquely the camera sees it (paper, footnote 2).
+/// Reads the patches out of a camera's image: each patch pixel is the mean over its square of floor.
 #[derive(Debug, Clone)]
 pub struct CameraRectifier {
     image_size: (usize, usize),
     taps: [Taps; 2],
 }
 
-/// Per patch pixel, the image pixels that it averages: `weights[start[k]..start[k + 1]]`.
-#[derive(Debug, Clone)]
+/// Per patch pixel, the image pixels that it averages.
+#[derive(Debug, Clone, Default)]
 struct Taps {
+    /// Patch pixel k has `runs[start[k]..start[k + 1]]`.
     start: Vec<usize>,
-    pixel: Vec<u32>,
-    weight: Vec<f32>,
+    runs: Vec<Run>,
+    /// Weights of all runs, one after the other.
+    weights: Vec<f32>,
+}
+
+/// Neighbours in a row of the image.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    /// Index of the first image pixel.
+    pixel: usize,
+    count: usize,
 }
 
 impl CameraRectifier {
     /// For images of `image_size` (width, height) from `camera`.
     pub fn new(doorway: &Doorway, patch: &PatchGrid, camera: &Camera, image_size: (usize, usize)) -> Self {
-        let taps = Side::BOTH.map(|side| Taps::new(doorway, patch, side, camera, image_size));
+        let taps = Side::BOTH.map(|side| Taps::new(&footprints(doorway, patch, side, camera, image_size)));
         Self { image_size, taps }
     }
 
@@ -81,8 +88,8 @@ impl CameraRectifier {
 
     /// The image rows that the patches are read from: the others need not be decoded.
     pub fn rows(&self) -> Range<usize> {
-        let pixels = || self.taps.iter().flat_map(|taps| &taps.pixel).map(|&p| p as usize / self.image_size.0.max(1));
-        pixels().min().unwrap_or(0)..pixels().max().map_or(0, |last| last + 1)
+        let rows = || self.taps.iter().flat_map(|taps| &taps.runs).map(|run| run.pixel / self.image_size.0.max(1));
+        rows().min().unwrap_or(0)..rows().max().map_or(0, |last| last + 1)
     }
 
     /// Linear light of the two patches in `image`; pixels that the camera does not see whole are 0.
@@ -93,13 +100,13 @@ impl CameraRectifier {
         }
         for (taps, side) in self.taps.iter().zip(Side::BOTH) {
             let patch = pair.side_mut(side);
+            let mut weights = &taps.weights[..];
             for (k, window) in taps.start.windows(2).enumerate() {
                 let mut sum = [0.0_f32; 3];
-                for (&pixel, &weight) in taps.pixel[window[0]..window[1]].iter().zip(&taps.weight[window[0]..window[1]])
-                {
-                    for (channel, s) in sum.iter_mut().enumerate() {
-                        *s += weight * table.sample(image, 3 * pixel as usize + channel);
-                    }
+                for run in &taps.runs[window[0]..window[1]] {
+                    let (own, rest) = weights.split_at(run.count);
+                    table.add_weighted(image, run.pixel, own, &mut sum);
+                    weights = rest;
                 }
                 for (channel, s) in sum.into_iter().enumerate() {
                     patch.plane_mut(channel)[k] = s;
@@ -111,96 +118,22 @@ impl CameraRectifier {
 }
 
 impl Taps {
-    fn new(doorway: &Doorway, patch: &PatchGrid, side: Side, camera: &Camera, (width, height): (usize, usize)) -> Self {
-        let mut taps = Taps { start: vec![0], pixel: Vec::new(), weight: Vec::new() };
-        let cell = patch.fov_m / patch.size as f64;
-        let corner = [doorway.edge(side)[0] - patch.fov_m / 2.0, -doorway.wall_thickness_m];
-        let mut found: Vec<(u32, f32)> = Vec::new();
-        for k in 0..patch.pixels() {
-            let (row, column) = (k / patch.size, k % patch.size);
-            found.clear();
-            let whole = (0..SUBSAMPLES * SUBSAMPLES).all(|s| {
-                let within = |n: usize| (n as f64 + 0.5) / SUBSAMPLES as f64;
-                let floor = [
-                    corner[0] + (column as f64 + within(s % SUBSAMPLES)) * cell,
-                    corner[1] - (row as f64 + within(s / SUBSAMPLES)) * cell,
-                ];
-                camera.project(floor).is_some_and(|at| bilinear(at, width, height, &mut found))
-            });
-            if whole {
-                found.sort_unstable_by_key(|&(pixel, _)| pixel);
-                for (pixel, weight) in &found {
-                    if taps.pixel.len() > taps.start[k] && taps.pixel.last() == Some(pixel) {
-                        if let Some(last) = taps.weight.last_mut() {
-                            *last += weight;
-                        }
-                    } else {
-                        taps.pixel.push(*pixel);
-                        taps.weight.push(*weight);
-                    }
+    fn new(footprints: &[Footprint]) -> Self {
+        let mut taps = Taps { start: vec![0], ..Taps::default() };
+        for footprint in footprints {
+            let own = taps.runs.len();
+            for &(pixel, weight) in footprint {
+                let pixel = pixel as usize;
+                match taps.runs[own..].last_mut() {
+                    Some(run) if run.pixel + run.count == pixel => run.count += 1,
+                    _ => taps.runs.push(Run { pixel, count: 1 }),
                 }
+                taps.weights.push(weight);
             }
-            taps.start.push(taps.pixel.len());
+            taps.start.push(taps.runs.len());
         }
         taps
     }
-}
-
-/// Per pixel of a patch, whether the camera sees the whole of its square.
-pub(super) fn seen_cells(
-    doorway: &Doorway,
-    patch: &PatchGrid,
-    side: Side,
-    camera: &Camera,
-    (width, height): (usize, usize),
-) -> Vec<bool> {
-    let n = patch.size;
-    let within = |at: f64, size: usize| (-0.5..=size as f64 - 0.5).contains(&at);
-    let corners: Vec<bool> = (0..(n + 1) * (n + 1))
-        .map(|k| {
-            let seen = camera.project(corner(doorway, patch, side, k / (n + 1), k % (n + 1)));
-            seen.is_some_and(|[u, v]| within(u, width) && within(v, height))
-        })
-        .collect();
-    let whole = |k: usize| {
-        let first = k / n * (n + 1) + k % n;
-        [first, first + 1, first + n + 1, first + n + 2].iter().all(|&c| corners[c])
-    };
-    (0..patch.pixels()).map(whole).collect()
-}
-
-/// The corner nearest the wall and with the smallest x of a patch pixel's square of floor, in metres in the door frame; the
-/// last row and column are followed by one more.
-fn corner(doorway: &Doorway, patch: &PatchGrid, side: Side, row: usize, column: usize) -> Point {
-    let along = |k: usize| k as f64 / patch.size as f64;
-    [doorway.edge(side)[0] + (along(column) - 0.5) * patch.fov_m, -doorway.wall_thickness_m - along(row) * patch.fov_m]
-}
-
-/// Adds the four pixels around an image position with their weights; false if it is outside the image.
-fn bilinear([u, v]: [f64; 2], width: usize, height: usize, out: &mut Vec<(u32, f32)>) -> bool {
-    if width == 0 || height == 0 {
-        return false;
-    }
-    let (right, bottom) = ((width - 1) as f64, (height - 1) as f64);
-    // Up to half a pixel beyond the outermost centres is still in the image.
-    if !(-0.5..=right + 0.5).contains(&u) || !(-0.5..=bottom + 0.5).contains(&v) {
-        return false;
-    }
-    let (u, v) = (u.clamp(0.0, right), v.clamp(0.0, bottom));
-    let (x, y) = (u.floor().min((right - 1.0).max(0.0)), v.floor().min((bottom - 1.0).max(0.0)));
-    let (fx, fy) = (u - x, v - y);
-    for (dx, dy, weight) in [
-        (0.0, 0.0, (1.0 - fx) * (1.0 - fy)),
-        (1.0, 0.0, fx * (1.0 - fy)),
-        (0.0, 1.0, (1.0 - fx) * fy),
-        (1.0, 1.0, fx * fy),
-    ] {
-        if weight > 0.0 {
-            let index = (y + dy) as usize * width + (x + dx) as usize;
-            out.push((index as u32, (weight / (SUBSAMPLES * SUBSAMPLES) as f64) as f32));
-        }
-    }
-    true
 }
 
 #[cfg(test)]
