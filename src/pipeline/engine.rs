@@ -3,11 +3,8 @@ use std::time::Instant;
 
 use jiff::Timestamp;
 
+use super::background::{BackgroundStore, Keeper, KeeperError, Seen, Spaced, Work};
 use super::hub::{Published, Watched};
-use super::job::Work;
-use super::keeper::{Keeper, KeeperError, Seen};
-use super::spaced::Spaced;
-use super::store::BackgroundStore;
 use super::{FrameReader, ReadTimes, Reconstruction, Reconstructor, Timing, Update};
 use crate::config::{AveragingConfig, BackgroundConfig};
 use crate::measurement::{Averager, Averaging, PatchPair};

@@ -3,15 +3,12 @@
 //! One thread captures, one solves; between them is a slot for the newest frame ([`Mailbox`]). Each solved frame becomes
 //! one immutable [`Published`] update, serialised once, in the [`Hub`].
 
-mod absorb;
+mod background;
 mod calibration_store;
 mod calibrator;
 mod engine;
 mod frames;
 mod hub;
-mod job;
-mod keeper;
-mod light;
 mod mailbox;
 mod meters;
 mod model;
@@ -19,22 +16,19 @@ mod problem;
 mod reconstructor;
 mod run;
 mod setup;
-mod spaced;
-mod store;
 mod texture_reach;
 mod update;
 
+pub use background::{BackgroundStore, Work};
 pub use calibration_store::{CalibrationStore, StoreError};
 pub use calibrator::{CalibrationRefused, CalibrationReport, Calibrator, Keeping};
 pub use engine::{Engine, StepError};
 pub use frames::{FrameReader, ReadTimes};
 pub use hub::{Hub, Published, Seen, SourceInfo, Status, Watched};
-pub use job::Work;
 pub use mailbox::{Mailbox, Taken};
 pub use model::{Model, SetupError};
 pub use problem::Problem;
 pub use reconstructor::{Reconstruction, Reconstructor};
 pub use run::{Command, Control, Running, start};
 pub use setup::Setup;
-pub use store::BackgroundStore;
 pub use update::{BackgroundReport, FacetReport, State, Timing, Track, Update};

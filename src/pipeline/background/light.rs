@@ -1,6 +1,6 @@
 use std::collections::VecDeque;
 
-use super::Reconstruction;
+use super::super::Reconstruction;
 use crate::geometry::Side;
 use crate::measurement::PatchPair;
 

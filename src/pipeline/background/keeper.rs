@@ -1,10 +1,10 @@
+use super::super::engine::StepError;
+use super::super::reconstructor::Prepared;
+use super::super::{BackgroundReport, Reconstruction, Reconstructor, State};
 use super::absorb::Candidate;
-use super::engine::StepError;
 use super::job::{Job, Work};
 use super::light::{Change, Light, LightWatch, light};
-use super::reconstructor::Prepared;
 use super::store::BackgroundStore;
-use super::{BackgroundReport, Reconstruction, Reconstructor, State};
 use crate::config::BackgroundConfig;
 use crate::measurement::{Background, Learned, PatchPair, RollingBackground, Startup, StartupSpec};
 use crate::solver::{ModelKind, ProjectionError};
@@ -14,7 +14,7 @@ use crate::source::Purpose;
 ///
 /// The one rule: the background changes only where that cannot hide anybody. It follows frames in which nothing is detected;
 /// all else needs a reason, a change of the light or the time set for what does not move.
-pub(super) struct Keeper {
+pub(in crate::pipeline) struct Keeper {
     config: BackgroundConfig,
     work: Work,
     store: Option<BackgroundStore>,
@@ -35,7 +35,7 @@ pub(super) struct Keeper {
 }
 
 /// What a frame has to say to the keeper.
-pub(super) struct Seen<'a> {
+pub(in crate::pipeline) struct Seen<'a> {
     /// As captured.
     pub raw: &'a PatchPair,
     /// Averaged in time; the same without averaging.
@@ -419,7 +419,7 @@ fn prepare(work: Work, background: Background, frame: PatchPair, reconstructor: 
 
 /// Why a frame made neither a map nor progress.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum KeeperError {
+pub(in crate::pipeline) enum KeeperError {
     #[error(transparent)]
     Projection(#[from] ProjectionError),
     #[error("there is nothing to compare frames with")]

@@ -1,10 +1,10 @@
-use super::Reconstructor;
+use super::super::Reconstructor;
 use crate::measurement::PatchPair;
 
 /// Hands a recording's frames of the empty room on to be learned: all of them, or of averages only those that are
 /// independent. Averages that share frames share noise, and would make it look as if it were a pattern of the light.
 #[derive(Debug, Default)]
-pub(super) struct Spaced {
+pub(in crate::pipeline) struct Spaced {
     apart_s: f64,
     last_s: Option<f64>,
     /// The newest one, in case there is never a better.

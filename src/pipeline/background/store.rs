@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use super::Model;
+use super::super::Model;
 use super::job::{Job, Work};
 use crate::measurement::{Fingerprint, LoadError, Snapshot};
 
@@ -21,7 +21,7 @@ impl BackgroundStore {
     }
 
     /// Adds to the settings.
-    pub(super) fn add(&mut self, setting: &str) {
+    pub(in crate::pipeline) fn add(&mut self, setting: &str) {
         self.more.push_str("; ");
         self.more.push_str(setting);
     }
