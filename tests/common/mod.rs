@@ -141,11 +141,14 @@ pub struct Daemon {
 impl Daemon {
     /// Starts it on a free port and waits until it says where.
     pub fn start(source: &str, more: &[&str]) -> Self {
-        let mut child = doorcam(&["serve", "--source", source, "--listen", "127.0.0.1:0"])
-            .args(more)
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("the program starts");
+        let mut command = doorcam(&["serve", "--source", source, "--listen", "127.0.0.1:0"]);
+        command.args(more);
+        Self::spawn(command)
+    }
+
+    /// Starts a command that becomes a `doorcam serve` and waits until it says where it listens.
+    pub fn spawn(mut command: Command) -> Self {
+        let mut child = command.stderr(Stdio::piped()).spawn().expect("the program starts");
         let mut stderr = BufReader::new(child.stderr.take().expect("piped"));
         let mut said = String::new();
         while !said.contains("http://") {
@@ -159,6 +162,11 @@ impl Daemon {
         std::thread::spawn(move || std::io::copy(&mut stderr, &mut std::io::sink()));
         let url = said.split_whitespace().find(|word| word.starts_with("http://")).expect("an address").to_owned();
         Self { child, url }
+    }
+
+    /// The process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
     }
 
     /// Status code and body of a GET request.

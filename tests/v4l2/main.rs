@@ -1,0 +1,49 @@
+//! Real V4L2 drivers in a virtual machine: what a camera can do to doorcam, from unplugging to a full disk.
+//!
+//! V4L2_VM names a program that runs another one in a virtual machine with the kernel's test driver vivid at /dev/video0 and
+//! /dev/video1; beside it is uvc-sim, which plugs a simulated USB webcam in. This file's tests start themselves there: each
+//! `guest_` test is one scenario, and times are the guest's.
+#![cfg(feature = "v4l2")]
+
+#[path = "../common/mod.rs"]
+mod common;
+mod guest;
+mod record;
+mod uvc;
+mod vivid;
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+/// Runs every `guest_` test in one virtual machine: to boot it takes longer than most of them.
+#[test]
+fn cameras_in_a_virtual_machine() {
+    if guest::inside() {
+        return;
+    }
+    let Some(tool) = std::env::var_os("V4L2_VM").map(PathBuf::from) else {
+        eprintln!("SKIPPED: no virtual machine with cameras (set V4L2_VM to the program that runs one)");
+        return;
+    };
+    let webcam = tool.parent().unwrap_or(Path::new(".")).join("uvc-sim");
+    let only = std::env::var("V4L2_TEST").unwrap_or_else(|_| "guest_".into());
+    let start = Instant::now();
+    let mut child = Command::new(&tool)
+        .args(["--time", "900"])
+        .arg(std::env::current_exe().unwrap())
+        .args(["--ignored", "--test-threads=1", "--nocapture", &only])
+        .env("UVC_SIM", webcam)
+        .env("RUST_BACKTRACE", "0")
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap_or_else(|e| panic!("{}: {e}", tool.display()));
+    // As it comes: who waits wants to see what for.
+    for line in BufReader::new(child.stdout.take().unwrap()).lines() {
+        println!("{}", line.unwrap());
+    }
+    let status = child.wait().unwrap();
+    println!("measured: the virtual machine ran for {:.0} s", start.elapsed().as_secs_f64());
+    assert!(status.success(), "{status}: see above what failed in the virtual machine");
+}

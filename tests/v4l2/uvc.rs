@@ -1,0 +1,127 @@
+//! The real webcam driver with a simulated webcam: JPEG, exposure, stalls, unplugging.
+
+use std::time::Duration;
+
+use serde_json::json;
+
+use crate::common::run;
+use crate::guest::{Watching, Webcam, control, hold, measured, only_inside};
+
+const SMALL: &str = "size = [320, 240]\nfps = 10\nformats = [\"MJPG\"]";
+/// Mode (1 is manual) and time of the exposure (linux/v4l2-controls.h).
+const EXPOSURE_AUTO: u32 = 0x009a_0901;
+const EXPOSURE: u32 = 0x009a_0902;
+
+fn source(webcam: &Webcam) -> String {
+    format!("v4l2:{}", webcam.node)
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn guest_webcam_formats_are_granted_as_configured() {
+    only_inside!();
+    let webcam = Webcam::plug_in();
+    let output = run(&["devices", "--json"]);
+    let cameras: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let listed: Vec<_> = cameras.as_array().unwrap().iter().filter(|c| c["driver"] == "uvcvideo").collect();
+    assert_eq!(listed.len(), 1, "the node for metadata is no camera: {cameras}");
+    assert_eq!(
+        (&listed[0]["node"], &listed[0]["card"]),
+        (&webcam.node.as_str().into(), &"Simulated UVC camera: Simulated".into())
+    );
+    for (formats, granted) in [("\"MJPG\"", "MJPG"), ("\"YUYV\"", "YUYV"), ("\"GREY\", \"YUYV\", \"MJPG\"", "YUYV")] {
+        let watching =
+            Watching::streaming(&source(&webcam), &format!("size = [320, 240]\nfps = 10\nformats = [{formats}]"));
+        let got = watching.status()["source"]["granted"].clone();
+        assert_eq!((&got["format"], &got["size"], &got["fps"]), (&granted.into(), &json!([320, 240]), &10.0.into()));
+        let (code, picture) = watching.daemon.get("/api/v1/frame.jpg");
+        let picture = image::load_from_memory(&picture).unwrap();
+        assert_eq!((code, picture.width(), picture.height()), (200, 320, 240), "{formats}");
+    }
+    webcam.unplug();
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn guest_webcam_exposure_is_locked_or_set() {
+    only_inside!();
+    let webcam = Webcam::plug_in();
+    assert_ne!(control(&webcam.node, EXPOSURE_AUTO), 1, "it begins with automatic exposure");
+    let watching = Watching::streaming(&source(&webcam), SMALL);
+    let mut left = 100;
+    while control(&webcam.node, EXPOSURE_AUTO) != 1 {
+        assert!(left > 0, "the automatic is not switched off: {}", watching.status());
+        left -= 1;
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    let found = control(&webcam.node, EXPOSURE);
+    let granted = watching.status()["source"]["granted"].clone();
+    assert_eq!((&granted["controls"]["exposure"], &granted["mismatches"]), (&found.into(), &json!([])), "{granted}");
+    drop(watching);
+    let watching = Watching::streaming(&source(&webcam), &format!("{SMALL}\nexposure = 321\ngain = 5000"));
+    assert_eq!((control(&webcam.node, EXPOSURE_AUTO), control(&webcam.node, EXPOSURE)), (1, 321));
+    let granted = watching.status()["source"]["granted"].clone();
+    assert_eq!(granted["controls"]["exposure"], 321);
+    // The camera's gain ends at 100.
+    let mismatches = granted["mismatches"].as_array().unwrap();
+    assert!(mismatches.len() == 1 && mismatches[0].as_str().unwrap().starts_with("gain: asked for 5000"), "{granted}");
+    drop(watching);
+    webcam.unplug();
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn guest_webcam_that_stalls_is_told_and_resumed() {
+    only_inside!();
+    let webcam = Webcam::plug_in();
+    let watching = Watching::streaming(&source(&webcam), SMALL);
+    for pause in [0, 8] {
+        webcam.stall_or_go_on();
+        let (told, status) = watching.until("stalled");
+        assert!(status["source"]["error"].as_str().unwrap().contains("no frame for"), "{status}");
+        // Long enough to be closed and opened again, which does not help.
+        std::thread::sleep(Duration::from_secs(pause));
+        assert_eq!(watching.status()["source"]["state"], "stalled");
+        webcam.stall_or_go_on();
+        let resumed = watching.until_frames();
+        measured(&format!("stalled: told after {told:.2} s, frames {resumed:.2} s after its end"));
+        assert!(told < 2.0 && resumed < 3.0);
+    }
+    drop(watching);
+    webcam.unplug();
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn guest_webcam_is_found_again_under_another_number() {
+    only_inside!();
+    let webcam = Webcam::plug_in();
+    let node = webcam.node.clone();
+    let watching = Watching::streaming(&source(&webcam), &format!("{SMALL}\nexposure = 222"));
+    let held = hold(&node);
+    webcam.unplug();
+    let (told, status) = watching.until("lost");
+    assert!(status["source"]["error"].as_str().unwrap().contains("unplugged"), "{status}");
+    let webcam = Webcam::plug_in();
+    let resumed = watching.until_frames();
+    measured(&format!(
+        "{node} unplugged: told after {told:.2} s; back as {}: frames after {resumed:.2} s",
+        webcam.node
+    ));
+    assert!(told < 2.0 && resumed < 3.0);
+    assert_ne!(webcam.node, node);
+    let granted = watching.status()["source"]["granted"].clone();
+    assert_eq!(
+        (&granted["node"], &granted["controls"]["exposure"]),
+        (&webcam.node.as_str().into(), &222.into()),
+        "{granted}"
+    );
+    webcam.unplug();
+    watching.until("lost");
+    // It comes back and can do less: what it grants now is what is told.
+    let webcam = Webcam::plug_in_with_size([640, 480]);
+    watching.until_frames();
+    assert_eq!(watching.status()["source"]["granted"]["size"], json!([640, 480]));
+    drop((watching, held));
+    webcam.unplug();
+}
