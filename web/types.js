@@ -100,7 +100,7 @@
  * @property {number} clients
  * @property {boolean} calibrated  false: a camera of which nobody has said yet where the door is
  * @property {number} calibration_revision  goes up with every saved calibration
- * @property {{ state: string, age_s: number | null, frames: number } | null} [background]
+ * @property {{ frames: number, age_s: number | null, progress: number | null } | null} background  progress: while it is learned
  */
 
 /** @typedef {[number, number]} Pixel  u, v; (0, 0) is the centre of the top left pixel */

@@ -58,7 +58,7 @@ export function status() {
     clients: 1,
     calibrated: true,
     calibration_revision: 1,
-    background: { state: "learned", age_s: 312, frames: 200 },
+    background: { age_s: 312, frames: 200, progress: null },
   };
 }
 

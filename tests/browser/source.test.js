@@ -72,7 +72,7 @@ describe("source", () => {
     assert.equal(await page.locator("#lost").innerText(), "12");
     assert.equal(await page.locator("#camera").innerText(), "Example Webcam C270, /dev/video0");
     assert.equal(await page.locator("#granted").innerText(), "YUYV 640 × 360, 30 a second");
-    assert.equal(await page.locator("#background").innerText(), "learned, from 200 frames, 5 min old");
+    assert.equal(await page.locator("#background").innerText(), "from 200 frames, 5 min old");
   });
 
   for (const [name, options] of /** @type {const} */ ([

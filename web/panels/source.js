@@ -47,7 +47,8 @@ const sentence = (text) => (text ? text[0].toUpperCase() + text.slice(1) + (/[.!
 const frameRate = (fps) => `${fixed(fps, Number.isInteger(fps) ? 0 : 1)} a second`;
 
 /** @param {NonNullable<Status["background"]>} background */
-function ofFrames({ state, frames, age_s }) {
-  const age = age_s === null ? "" : `, ${duration(age_s)} old`;
-  return `${state}, from ${plural(frames, "frame")}${age}`;
+function ofFrames({ frames, age_s, progress }) {
+  const from = `from ${plural(frames, "frame")}`;
+  if (progress === null) return age_s === null ? from : `${from}, ${duration(age_s)} old`;
+  return progress < 1 ? `${Math.floor(100 * progress)} % learned` : "waiting for the room to be still";
 }
