@@ -5,9 +5,15 @@
 
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
+import { mkdir, mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
 import { after, before, describe, test } from "node:test";
 import { lightOf } from "../../web/brightness.js";
 import { DESKTOP, PHONE, draws, launch, look, open, picture, reaches, settled } from "./browser.js";
+import { handle } from "./calibrating.js";
+import { cameraPicture } from "./camera.js";
+import { calibration } from "./fit.js";
 import { middle } from "./scene.js";
 
 /** @import { ChildProcess } from "node:child_process" */
@@ -25,10 +31,11 @@ const FIRST_PICTURE_MS = 60000;
 /**
  * @param {string} program
  * @param {string} recording
+ * @param {...string} more
  * @returns {Promise<{ child: ChildProcess, url: string }>}
  */
-function serve(program, recording) {
-  const args = ["serve", "--source", `replay:${recording},loop`, "--listen", "127.0.0.1:0"];
+function serve(program, recording, ...more) {
+  const args = ["serve", "--source", `replay:${recording},loop`, "--listen", "127.0.0.1:0", ...more];
   const child = spawn(program, args, { stdio: ["ignore", "ignore", "pipe"] });
   return new Promise((resolve, reject) => {
     let log = "";
@@ -104,6 +111,45 @@ describe("the real program", () => {
       assert.deepEqual(complaints, []);
     });
   }
+});
+
+test("the real program is calibrated on the page", { skip }, async (t) => {
+  const directory = await mkdtemp(join(tmpdir(), "doorcam-"));
+  t.after(() => rm(directory, { recursive: true }));
+  await mkdir(join(directory, "frames"));
+  for (let index = 0; index < 4; index += 1) await writeFile(join(directory, `frames/0000000${index}.png`), cameraPicture());
+  const { size, doorway, floor_points } = calibration({ extra: [[0, -0.6]], off: [3, -2] });
+  const manifest = { fps: 10, layout: "camera", transfer: "srgb", size, doorway, floor_points, background_frames: [0, 2] };
+  await writeFile(join(directory, "recording.json"), JSON.stringify(manifest));
+  const kept = join(directory, "calibration.json");
+  const { child, url } = await serve(String(program), directory, "--calibration", kept);
+  t.after(() => child.kill());
+  const browser = await launch();
+  t.after(() => browser.close());
+  const { page, complaints } = await open(browser, `${url}#calibrate`);
+
+  // A place on the overlay and the numbers are the daemon's own.
+  await page.locator("#cal-overlay .area").first().waitFor({ state: "attached" });
+  const [u] = /** @type {[number, number]} */ (floor_points[4].pixel);
+  await handle(page, "5").focus();
+  for (let step = 0; step < 3; step += 1) await page.keyboard.press("ArrowLeft");
+  const checked = page.waitForResponse((response) => response.url().endsWith("/calibration/check"));
+  await page.keyboard.press("ArrowDown");
+  assert.equal((await checked).status(), 200);
+  await picture(page, "binary-calibration");
+  await page.locator("#cal-save").click();
+  await page.waitForResponse((response) => response.request().method() === "PUT" && response.ok());
+  const saved = JSON.parse(await readFile(kept, "utf8"));
+  assert.ok(Math.abs(saved.floor_points[4].pixel[0] - (u - 3)) < 1e-6, JSON.stringify(saved.floor_points[4]));
+  // The map goes on in the new calibration.
+  const status = await page.evaluate(async () => {
+    for (;;) {
+      const status = await (await fetch("/api/v1/status")).json();
+      if (status.calibration_revision === 1) return status;
+    }
+  });
+  assert.equal(status.calibrated, true);
+  assert.deepEqual(complaints, []);
 });
 
 /**
