@@ -172,7 +172,9 @@ mod tests {
                 let k = row * 16 + column;
                 let patch = pair.side(side);
                 assert!((f64::from(patch.plane(0)[k]) * 65535.0 - 100.0 * u).abs() < 1.0, "{side:?} {row} {column}");
-                assert!((f64::from(patch.plane(1)[k]) * 65535.0 - 300.0 * v).abs() < 1.0, "{side:?} {row} {column}");
+                // The image's row 20 shows half wall, half floor: that half is told from row 21.
+                let limit = if row == 0 { 15.0 } else { 1.0 };
+                assert!((f64::from(patch.plane(1)[k]) * 65535.0 - 300.0 * v).abs() < limit, "{side:?} {row} {column}");
                 assert!((f64::from(patch.plane(2)[k]) * 65535.0 - 7000.0).abs() < 0.1);
             }
         }
