@@ -60,7 +60,7 @@ pub struct Seen {
 }
 
 /// The share of a patch that a camera has to show.
-pub(crate) const LEAST_SEEN: f64 = 0.5;
+const LEAST_SEEN: f64 = 0.5;
 
 impl Calibration {
     /// Says what is wrong with it and what would follow from it, for these patches. It can be used for them if and only if
