@@ -8,15 +8,13 @@ fn unfinished(path: &Path) -> PathBuf {
     path.with_file_name(format!(".{name}.part"))
 }
 
-/// Writes a file that is there with all of its bytes or not at all; `durable` if it must survive a power cut as well.
-pub(super) fn write_whole(path: &Path, bytes: &[u8], durable: bool) -> io::Result<()> {
+/// Writes a file that is there with all of its bytes or not at all; whether a power cut leaves it is another matter, as to wait
+/// for the disk after each frame would take too long.
+pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let part = unfinished(path);
     let written = (|| {
         let mut file = File::create(&part)?;
         file.write_all(bytes)?;
-        if durable {
-            file.sync_all()?;
-        }
         fs::rename(&part, path)
     })();
     if written.is_err() {
@@ -97,13 +95,13 @@ mod tests {
     fn a_file_is_there_whole_and_nothing_is_beside_it() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.png");
-        write_whole(&path, b"first", true).unwrap();
-        write_whole(&path, b"second", false).unwrap();
+        write_whole(&path, b"first").unwrap();
+        write_whole(&path, b"second").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"second");
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
         // A directory is in the way: what was half written is not left behind.
         fs::create_dir(dir.path().join("b.png")).unwrap();
-        write_whole(&dir.path().join("b.png"), b"x", false).unwrap_err();
+        write_whole(&dir.path().join("b.png"), b"x").unwrap_err();
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2);
     }
 

@@ -214,7 +214,7 @@ impl RecordingWriter {
         self.times.add(line).map_err(RecordError::write(&self.directory.join("timestamps.csv")))?;
         for (suffix, bytes) in encoded {
             let path = self.directory.join("frames").join(format!("{number:08}{suffix}"));
-            if let Err(reason) = write_whole(&path, bytes, false) {
+            if let Err(reason) = write_whole(&path, bytes) {
                 self.times.cut(before);
                 // A left patch without its right one is no frame.
                 for (suffix, _) in encoded {
@@ -243,7 +243,7 @@ fn write_manifest(directory: &Path, plan: &RecordingPlan) -> Result<u64, RecordE
         serde_json::to_string_pretty(&value)
     };
     let text = text().map_err(|e| RecordError::Write { path: path.clone(), reason: e.into() })? + "\n";
-    write_whole(&path, text.as_bytes(), true).map_err(RecordError::write(&path))?;
+    crate::files::replace(&path, text.as_bytes()).map_err(RecordError::write(&path))?;
     Ok(text.len() as u64)
 }
 
