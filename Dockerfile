@@ -1,5 +1,6 @@
 # doorcam in a container: docker build -t doorcam . && docker run --rm -p 8080:8080 doorcam
 FROM rust:1-bookworm AS build
+RUN apt-get update && apt-get install -y --no-install-recommends libclang1 && rm -rf /var/lib/apt/lists/*
 WORKDIR /src
 COPY Cargo.toml Cargo.lock ./
 COPY src src

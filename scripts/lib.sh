@@ -4,9 +4,23 @@ say() { printf '\n== %s\n' "$*" >&2; }
 
 # need COMMAND PACKAGE...: installs Debian packages unless the command is there.
 need() {
+  command -v "$1" >/dev/null || install_packages "$@"
+}
+
+# The build asks libclang about the kernel's camera interface; it is found where clang-sys looks for it.
+need_libclang() {
+  local found
+  [ -z "${LIBCLANG_PATH:-}" ] || return 0
+  # find fails at links that lead nowhere.
+  found=$(find -L /usr/lib /usr/local/lib -maxdepth 3 \( -name 'libclang.so*' -o -name 'libclang-[0-9]*.so*' \) \
+    -print -quit 2>/dev/null || true)
+  [ -n "$found" ] || install_packages libclang libclang1
+}
+
+# install_packages WHAT-FOR PACKAGE...
+install_packages() {
   local command=$1
   shift
-  command -v "$command" >/dev/null && return
   command -v apt-get >/dev/null || { echo "$command is missing: install it (Debian: $*)" >&2; exit 1; }
   local root=()
   if [ "$(id -u)" != 0 ]; then
