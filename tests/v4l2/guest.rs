@@ -2,11 +2,11 @@
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::common::Daemon;
 
@@ -26,11 +26,31 @@ macro_rules! only_inside {
 }
 pub(crate) use only_inside;
 
-/// A configuration file with these lines below `[camera]`, and quick automatics.
-pub fn config(camera: &str) -> tempfile::NamedTempFile {
-    let file = tempfile::Builder::new().suffix(".toml").tempfile().unwrap();
-    fs::write(file.path(), format!("[camera]\nsettle_s = 0.5\n{camera}\n")).unwrap();
-    file
+/// A directory of its own for what doorcam keeps, and in it a configuration with these lines below `[camera]`, quick automatics
+/// and a coarse map.
+pub fn configured(camera: &str) -> (tempfile::TempDir, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("doorcam.toml");
+    let coarse = "[grid]\nangular_step_deg = 10.0\n[patch]\npixels = 16";
+    let text =
+        format!("[storage]\ndirectory = {:?}\n{coarse}\n[camera]\nsettle_s = 0.5\n{camera}\n", dir.path().join("kept"));
+    fs::write(&file, text).unwrap();
+    (dir, file)
+}
+
+/// The calibration of a camera that looks down on a doorway, whatever it really sees.
+pub fn calibration(size: [usize; 2]) -> Value {
+    let [w, h] = size.map(|n| n as f64);
+    let point = |u: f64, v: f64, x: f64, y: f64| json!({"pixel": [u * w, v * h], "floor_m": [x, y]});
+    let [left, right, near, far] = [-0.5, 0.5, -0.1, -0.45];
+    let points = [
+        point(0.1, 0.1, left, near),
+        point(0.9, 0.1, right, near),
+        point(0.9, 0.9, right, far),
+        point(0.1, 0.9, left, far),
+    ];
+    let doorway = json!({"width_m": 0.6, "wall_thickness_m": 0.1, "height_m": null});
+    json!({"size": size, "doorway": doorway, "floor_points": points})
 }
 
 /// A small picture at a rate that an emulated processor can follow.
@@ -39,15 +59,15 @@ pub const SMALL: &str = "size = [320, 180]\nfps = 10";
 /// A daemon that watches a camera, and what it is doing.
 pub struct Watching {
     pub daemon: Daemon,
-    _config: tempfile::NamedTempFile,
+    _kept: tempfile::TempDir,
 }
 
 impl Watching {
     /// Does not wait for frames.
     pub fn start(source: &str, camera: &str) -> Self {
-        let config = config(camera);
-        let daemon = Daemon::start(source, &["--config", config.path().to_str().unwrap()]);
-        Self { daemon, _config: config }
+        let (kept, config) = configured(camera);
+        let daemon = Daemon::start(source, &["--config", config.to_str().unwrap()]);
+        Self { daemon, _kept: kept }
     }
 
     /// Waits for frames.
@@ -197,4 +217,26 @@ pub fn hold(node: &str) -> File {
 /// Says what was measured, for whoever reads the output.
 pub fn measured(what: &str) {
     println!("measured: {what}");
+}
+
+/// Tries again what failed, twice: other work of the machine outside can freeze this one for longer than a frame takes, and then
+/// it is the driver that leaves frames out.
+pub fn unless_frozen(mut attempt: impl FnMut() -> Result<(), String>) {
+    let mut failures = Vec::new();
+    while failures.len() < 3 {
+        match attempt() {
+            Ok(()) => return,
+            Err(failure) => {
+                measured(&format!("once more, as frames were lost: {failure}"));
+                failures.push(failure);
+            }
+        }
+    }
+    panic!("three times: {failures:?}");
+}
+
+/// Hands a recording over to the machine outside, which is much faster.
+pub fn hand_out(recording: &Path) {
+    let out = std::env::var_os("V4L2_VM_OUT").expect("V4L2_VM_OUT is where results go");
+    assert!(Command::new("cp").arg("-R").arg(recording).arg(out).status().unwrap().success());
 }

@@ -28,10 +28,14 @@ fn cameras_in_a_virtual_machine() {
         return;
     };
     let webcam = tool.parent().unwrap_or(Path::new(".")).join("uvc-sim");
+    // One scenario alone, by its name.
     let only = std::env::var("V4L2_TEST").unwrap_or_else(|_| "guest_".into());
+    let handed_out = tempfile::tempdir().unwrap();
     let start = Instant::now();
+    let seconds = || start.elapsed().as_secs_f64();
     let mut child = Command::new(&tool)
-        .args(["--time", "900"])
+        .args(["--time", "900", "--out"])
+        .arg(handed_out.path())
         .arg(std::env::current_exe().unwrap())
         .args(["--ignored", "--test-threads=1", "--nocapture", &only])
         .env("UVC_SIM", webcam)
@@ -41,9 +45,12 @@ fn cameras_in_a_virtual_machine() {
         .unwrap_or_else(|e| panic!("{}: {e}", tool.display()));
     // As it comes: who waits wants to see what for.
     for line in BufReader::new(child.stdout.take().unwrap()).lines() {
-        println!("{}", line.unwrap());
+        println!("{:6.1} {}", seconds(), line.unwrap());
     }
     let status = child.wait().unwrap();
-    println!("measured: the virtual machine ran for {:.0} s", start.elapsed().as_secs_f64());
+    println!("measured: the virtual machine ran for {:.0} s", seconds());
     assert!(status.success(), "{status}: see above what failed in the virtual machine");
+    if only == "guest_" {
+        record::reconstruct_what_was_recorded(handed_out.path());
+    }
 }

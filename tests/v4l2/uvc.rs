@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde_json::json;
 
 use crate::common::run;
-use crate::guest::{Watching, Webcam, control, hold, measured, only_inside};
+use crate::guest::{Watching, Webcam, calibration, control, hold, measured, only_inside};
 
 const SMALL: &str = "size = [320, 240]\nfps = 10\nformats = [\"MJPG\"]";
 /// Mode (1 is manual) and time of the exposure (linux/v4l2-controls.h).
@@ -119,9 +119,33 @@ fn guest_webcam_is_found_again_under_another_number() {
     webcam.unplug();
     watching.until("lost");
     // It comes back and can do less: what it grants now is what is told.
-    let webcam = Webcam::plug_in_with_size([640, 480]);
+    let webcam = Webcam::plug_in_with_size([160, 120]);
     watching.until_frames();
-    assert_eq!(watching.status()["source"]["granted"]["size"], json!([640, 480]));
+    assert_eq!(watching.status()["source"]["granted"]["size"], json!([160, 120]));
     drop((watching, held));
+    webcam.unplug();
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn guest_webcam_frame_cut_short_is_one_skipped_frame() {
+    only_inside!();
+    let webcam = Webcam::plug_in();
+    let watching = Watching::streaming(&source(&webcam), SMALL);
+    let (code, answer) = watching.daemon.send("PUT", "/api/v1/calibration", &calibration([320, 240]));
+    assert_eq!(code, 200, "{answer}");
+    watching.daemon.wait_for("updates", |s| s["calibrated"] == true && s["frames"]["solved"].as_u64().unwrap() > 3);
+    assert_eq!(watching.count("skipped"), 0);
+    webcam.cut_a_frame();
+    let status = watching.daemon.wait_for("a skipped frame", |s| s["frames"]["skipped"] != 0);
+    let why = status["frames"]["last_skipped"].as_str().unwrap();
+    assert!(why.starts_with(&webcam.node) && why.contains("broken JPEG"), "{why}");
+    let solved = watching.count("solved");
+    watching.daemon.wait_for("updates again", |s| s["frames"]["solved"].as_u64().unwrap() > solved + 5);
+    let status = watching.status();
+    assert_eq!((&status["frames"]["skipped"], &status["frames"]["lost"]), (&1.into(), &0.into()), "{status}");
+    assert_eq!(status["source"]["state"], "streaming");
+    measured(&format!("a JPEG cut short: {why}; {} frames a second solved", status["rate_hz"]["solved"]));
+    drop(watching);
     webcam.unplug();
 }
