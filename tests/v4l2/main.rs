@@ -8,6 +8,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod guest;
+mod live;
 mod record;
 mod uvc;
 mod vivid;
