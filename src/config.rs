@@ -1,19 +1,18 @@
 //! The configuration file: every key, its default and its range. `config/doorcam.toml` shows them all.
 
 mod background;
+mod camera;
 
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::path::Path;
 
 pub use background::{AveragingConfig, BackgroundConfig};
+pub use camera::{CameraConfig, StorageConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::{GridSpec, Point, Room};
 use crate::scene::Brightness;
 use crate::solver::ModelKind;
-use crate::source::camera::{CameraOptions, ControlSettings, PixelFormat, Setting, Wish};
-use crate::source::recording::{Lens, Transfer};
 use crate::transport::Kernel;
 
 /// A configuration that cannot be used: one line that names the file, the line or key, and what was expected.
@@ -63,102 +62,6 @@ pub struct ServerConfig {
 impl Default for ServerConfig {
     fn default() -> Self {
         Self { listen: SocketAddr::from(([127, 0, 0, 1], 8080)) }
-    }
-}
-
-/// `[storage]`
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct StorageConfig {
-    /// Directory of the calibration and the learned background; empty for the usual place.
-    pub directory: PathBuf,
-}
-
-impl StorageConfig {
-    /// The directory: as configured, else the service manager's (`$STATE_DIRECTORY`), else the user's
-    /// (`$XDG_STATE_HOME/doorcam`, `~/.local/state/doorcam`); none if there is no home either.
-    pub fn directory(&self) -> Option<PathBuf> {
-        let variable = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
-        if !self.directory.as_os_str().is_empty() {
-            return Some(self.directory.clone());
-        }
-        variable("STATE_DIRECTORY")
-            .or_else(|| variable("XDG_STATE_HOME").map(|state| state.join("doorcam")))
-            .or_else(|| variable("HOME").map(|home| home.join(".local/state/doorcam")))
-    }
-}
-
-/// `[camera]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct CameraConfig {
-    /// Width and height; a calibration's own size goes before it.
-    pub size: [u32; 2],
-    /// Frames a second.
-    pub fps: f64,
-    /// Pixel formats, the preferred one first.
-    pub formats: Vec<PixelFormat>,
-    /// Exposure time, in units of 100 µs.
-    pub exposure: Setting,
-    /// Gain, in the driver's units.
-    pub gain: Setting,
-    /// White balance, in kelvin.
-    pub white_balance: Setting,
-    /// Focus, in the driver's units.
-    pub focus: Setting,
-    /// 0 off, 1 50 Hz, 2 60 Hz.
-    pub power_line: Setting,
-    /// How long automatics run before they are locked.
-    pub settle_s: f64,
-    /// How the camera encodes light.
-    pub transfer: Transfer,
-    /// k1 and k2 of the lens.
-    pub distortion: [f64; 2],
-    /// Focal length that goes with `distortion`, in pixels; 0: the width of the image.
-    pub focal_px: f64,
-}
-
-impl Default for CameraConfig {
-    fn default() -> Self {
-        Self {
-            size: [640, 480],
-            fps: 15.0,
-            formats: PixelFormat::ALL.to_vec(),
-            exposure: Setting::Lock,
-            gain: Setting::Lock,
-            white_balance: Setting::Lock,
-            focus: Setting::Lock,
-            power_line: Setting::Leave,
-            settle_s: 2.0,
-            transfer: Transfer::Srgb,
-            distortion: [0.0; 2],
-            focal_px: 0.0,
-        }
-    }
-}
-
-impl CameraConfig {
-    /// The lens, if it distorts.
-    pub fn lens(&self) -> Option<Lens> {
-        let [k1, k2] = self.distortion;
-        let focal_px = (self.focal_px > 0.0).then_some(self.focal_px);
-        (self.distortion != [0.0; 2]).then_some(Lens { k1, k2, focal_px })
-    }
-
-    /// What to ask the camera for; of what arrives late, only the newest frame.
-    pub fn options(&self) -> CameraOptions {
-        CameraOptions {
-            wish: Wish { size: self.size, fps: self.fps, formats: self.formats.clone() },
-            controls: ControlSettings {
-                exposure: self.exposure,
-                gain: self.gain,
-                white_balance: self.white_balance,
-                focus: self.focus,
-                power_line: self.power_line,
-                settle: Duration::from_secs_f64(self.settle_s),
-            },
-            newest_only: true,
-        }
     }
 }
 
@@ -386,20 +289,7 @@ impl Config {
 
     /// Checks each value's range; what depends on the doorway is checked with it.
     pub fn check(&self) -> Result<(), ConfigError> {
-        for (k, side) in ["width", "height"].into_iter().enumerate() {
-            within(&format!("camera.size ({side})"), f64::from(self.camera.size[k]), 16.0, 8192.0, "pixels")?;
-        }
-        within("camera.fps", self.camera.fps, 0.1, 240.0, "frames a second")?;
-        if self.camera.formats.is_empty() {
-            let all = PixelFormat::ALL.map(|f| format!("\"{f}\"")).join(", ");
-            return Err(ConfigError(format!("camera.formats is empty, expected some of {all}")));
-        }
-        within("camera.settle_s", self.camera.settle_s, 0.0, 600.0, "seconds")?;
-        self.camera.transfer.validate().map_err(|e| ConfigError(format!("camera.{e}")))?;
-        for k in self.camera.distortion {
-            within("camera.distortion", k, -10.0, 10.0, "(k1 and k2)")?;
-        }
-        within("camera.focal_px", self.camera.focal_px, 0.0, 1e5, "pixels")?;
+        self.camera.check()?;
         within("room.half_width_m", self.room.half_width_m, 0.1, 100.0, "metres")?;
         within("room.depth_m", self.room.depth_m, 0.1, 100.0, "metres")?;
         within("grid.angular_step_deg", self.grid.angular_step_deg, 0.5, 20.0, "degrees")?;

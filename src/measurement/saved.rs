@@ -1,5 +1,5 @@
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -79,19 +79,11 @@ impl Snapshot {
             deviations: deviations.len(),
             checksum: checksum(&body),
         };
-        let directory = match path.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
-        };
-        let mut file = tempfile::NamedTempFile::new_in(directory)?;
-        file.write_all(MAGIC)?;
+        let mut file = MAGIC.to_vec();
         serde_json::to_writer(&mut file, &header)?;
-        file.write_all(b"\n")?;
-        file.write_all(&body)?;
-        file.as_file().sync_all()?;
-        file.persist(path).map_err(|e| e.error)?;
-        // The new name must reach the disk as well.
-        File::open(directory)?.sync_all()
+        file.push(b'\n');
+        file.extend_from_slice(&body);
+        crate::files::replace(path, &file)
     }
 
     /// Reads it, if it has this fingerprint, patches of `size` x `size` pixels and is at most `keep_s` seconds old.
