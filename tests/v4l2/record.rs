@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use doorcam::source::recording::{Files, Recording};
 
 use crate::common::{doorcam, run, stderr};
-use crate::guest::{SMALL, Webcam, calibration, configured, hand_out, measured, only_inside, unless_frozen};
+use crate::guest::{SMALL, Webcam, calibration, configured, hand_out, measured, only_inside, unless_frozen, vivid_is};
 
 fn recorder(source: &str, camera: &str, size: [usize; 2], out: &Path, more: &[&str]) -> (Command, tempfile::TempDir) {
     let (kept, config) = configured(camera);
@@ -30,6 +30,14 @@ pub fn reconstruct_what_was_recorded(recordings: &Path) {
         let solved = String::from_utf8(output.stdout).unwrap().lines().count();
         assert_eq!(solved, watched - broken, "{name}: {said}");
         assert_eq!(said.contains("1 frames skipped") && said.contains("broken JPEG"), broken == 1, "{said}");
+    }
+}
+
+fn wait_for_file(file: &Path) {
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while !file.exists() {
+        assert!(Instant::now() < deadline, "waited in vain for {}", file.display());
+        std::thread::sleep(Duration::from_millis(20));
     }
 }
 
@@ -114,12 +122,8 @@ fn guest_record_a_webcam_with_a_frame_cut_short() {
         let out = dir.path().join("webcam");
         let (mut command, _kept) = recorder(&source, camera, [320, 240], &out, &["--seconds", "6"]);
         let child = command.stderr(Stdio::piped()).spawn().unwrap();
-        let deadline = Instant::now() + Duration::from_secs(60);
         // Behind the empty room.
-        while !out.join("frames/00000030.jpg").exists() {
-            assert!(Instant::now() < deadline);
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        wait_for_file(&out.join("frames/00000030.jpg"));
         webcam.cut_a_frame();
         lossless(&child.wait_with_output().unwrap())?;
         hand_out(&out);
@@ -140,4 +144,51 @@ fn guest_record_refuses_another_size_than_the_calibrations() {
     let said = last_line(&output);
     assert!(said.ends_with("size is [330, 180], but the camera gives 320 x 180 pixels"), "{said}");
     assert!(!out.exists());
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn guest_record_goes_on_when_the_camera_is_back() {
+    only_inside!();
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("vivid");
+    let (mut command, _kept) = recorder("v4l2:/dev/video0", SMALL, [320, 180], &out, &["--seconds", "7"]);
+    let child = command.stderr(Stdio::piped()).spawn().unwrap();
+    wait_for_file(&out.join("frames/00000025.png"));
+    vivid_is(false);
+    std::thread::sleep(Duration::from_secs(1));
+    vivid_is(true);
+    let output = child.wait_with_output().unwrap();
+    let said = stderr(&output);
+    measured(&last_line(&output));
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.contains("unplugged; waiting for it to come back"), "{said}");
+    let recording = Recording::open(&out).unwrap();
+    let pauses: Vec<f64> =
+        recording.frames.windows(2).map(|w| w[1].seconds - w[0].seconds).filter(|&s| s > 0.9).collect();
+    assert!(pauses.len() == 1 && pauses[0] < 4.0, "one pause, as long as the camera was away: {pauses:?}");
+    assert!(recording.frames.last().unwrap().seconds > 6.5);
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn guest_record_ends_when_the_camera_comes_back_with_another_size() {
+    only_inside!();
+    let webcam = Webcam::plug_in();
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("webcam");
+    let camera = "size = [320, 240]\nfps = 10\nformats = [\"MJPG\"]";
+    let source = format!("v4l2:{}", webcam.node);
+    let (mut command, _kept) = recorder(&source, camera, [320, 240], &out, &[]);
+    let child = command.stderr(Stdio::piped()).spawn().unwrap();
+    wait_for_file(&out.join("frames/00000005.jpg"));
+    webcam.unplug();
+    let webcam = Webcam::plug_in_with_size([160, 120]);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let said = last_line(&output);
+    assert!(said.contains("the camera gives 160 x 120 pixels now, the recording has 320 x 240 ("), "{said}");
+    let recording = Recording::open(&out).unwrap();
+    assert!(recording.frames.len() > 5);
+    webcam.unplug();
 }
