@@ -122,6 +122,20 @@ fn what_does_not_fit_is_refused_in_words_and_the_one_in_use_stays() {
     let (status, problem) = running.send("PUT", "/api/v1/calibration", &other);
     assert_eq!(status, 400);
     assert!(problem["detail"].as_str().unwrap().starts_with("doorway.width_m: invalid type"), "{problem}");
+    let points = floor_points(overhead);
+    let mut many = before["calibration"].clone();
+    many["floor_points"] = json!(points.iter().cycle().take(10_000).collect::<Vec<_>>());
+    let (status, check) = running.send("POST", "/api/v1/calibration/check", &many);
+    assert_eq!((status, &check["errors"]), (200, &json!(["floor_points has 10000 points, expected at most 64"])));
+    // As many as that, one of them wrong, are looked through while someone drags.
+    let spread = |k: usize| [-0.6 + 0.02 * k as f64, -0.12 - 0.08 * (k % 5) as f64];
+    let at = |k: usize| FloorPoint { pixel: overhead(spread(k)), floor_m: spread(k) };
+    let mut right: Vec<FloorPoint> = (0..64).map(at).collect();
+    right[20].pixel[0] += 40.0;
+    many["floor_points"] = json!(right);
+    let (status, check) = running.send("POST", "/api/v1/calibration/check", &many);
+    let error = check["errors"][0].as_str().unwrap();
+    assert!(status == 200 && error.starts_with("floor_points: point 21 is 40 pixels"), "{check}");
     let (status, problem) = running.send("POST", "/api/v1/calibration/previous", &Value::Null);
     assert_eq!((status, &problem["detail"]), (404, &json!("there is no previous calibration")));
     assert_eq!(running.json("/api/v1/calibration"), before);

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use super::homography::normaliser;
+use super::homography::{MOST_POINTS, normaliser};
 use super::{Camera, Homography, HomographyError, LensMap};
 use crate::geometry::Point;
 use crate::source::recording::FloorPoint;
@@ -68,6 +68,9 @@ impl FloorFit {
     }
 
     fn unjudged(points: &[FloorPoint], lens: Option<&LensMap>) -> Result<Self, HomographyError> {
+        if points.len() > MOST_POINTS {
+            return Err(HomographyError::TooMany(points.len()));
+        }
         let pairs = points
             .iter()
             .enumerate()

@@ -4,12 +4,18 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use crate::geometry::Point;
 
+/// Floor points that are looked at; nobody marks so many by hand.
+pub(super) const MOST_POINTS: usize = 64;
+
 /// Why floor points do not tell where the floor is. Points are counted from 1.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum HomographyError {
     /// Not enough points.
     #[error("floor_points has {0} points, expected at least 4, no 3 of those 4 on one line")]
     TooFew(usize),
+    /// So many that to look for the one at fault would take seconds.
+    #[error("floor_points has {0} points, expected at most {MOST_POINTS}")]
+    TooMany(usize),
     /// A coordinate is NaN or infinite.
     #[error("floor_points: point {0} has a coordinate that is not a finite number")]
     NotFinite(usize),
