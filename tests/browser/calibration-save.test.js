@@ -63,7 +63,12 @@ describe("a camera that is not calibrated", () => {
   });
 
   test("lets its reader go to the map, which says what is missing, and does not insist", async (t) => {
-    const { page, complaints } = await visit(t, {}, uncalibrated);
+    const { mock, page, complaints } = await visit(t, {}, (mock) => {
+      uncalibrated(mock);
+      mock.calibration.delayMs = 400;
+    });
+    // The answer comes when the picture that it is for is hidden.
+    await until(() => mock.calibration.checked.length > 0, "the page's guess is checked");
     await page.getByText("Back to the map").click();
     await page.locator("#map-notice", { hasText: "Not calibrated: nobody has said yet where the door is" }).waitFor();
     assert.deepEqual([await page.locator("#model").innerText(), await page.locator("#lambda").innerText()], ["\u2013", "\u2013"]);

@@ -29,6 +29,8 @@ export class OverlayPicture {
    */
   show(draft, check) {
     const { svg } = this;
+    // While the view is hidden nothing has a size. Once it shows, the stage is scaled and this is drawn again.
+    if (this.stage.scale === 0) return svg.replaceChildren();
     const [width, height] = this.stage.size;
     // One unit is one pixel of the picture, and (0, 0) the centre of the first.
     svg.setAttribute("viewBox", `-0.5 -0.5 ${width} ${height}`);
