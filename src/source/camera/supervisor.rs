@@ -112,8 +112,8 @@ impl<O: Opener, C: Clock> Supervisor<O, C> {
             Err(skipped) => self.pending.push_back(SourceEvent::Skipped(skipped)),
             Ok(frame) => {
                 self.alive_at = self.clock.now();
-                let granted = self.session.as_ref().map(|s| s.granted().clone());
                 if self.condition.state != SourceState::Streaming {
+                    let granted = self.session.as_ref().map(|s| s.granted().clone());
                     self.backoff.reset();
                     self.patience = stall_limit(granted.as_ref());
                     let streaming = self.now_is(Condition { state: SourceState::Streaming, reason: None, granted });
