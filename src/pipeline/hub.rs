@@ -327,11 +327,14 @@ impl Hub {
         self.meters.dropped.increment(count);
     }
 
-    pub(super) fn skipped(&self, why: String) {
-        let mut counters = lock(&self.counters);
-        counters.frames.skipped += 1;
-        counters.frames.last_skipped = Some(why);
+    /// Counts a skipped frame; returns how many there are and whether the reason is that of the one before.
+    pub(super) fn skipped(&self, why: String) -> (u64, bool) {
         self.meters.skipped.increment(1);
+        let frames = &mut lock(&self.counters).frames;
+        frames.skipped += 1;
+        let same_again = frames.last_skipped.as_ref() == Some(&why);
+        frames.last_skipped = Some(why);
+        (frames.skipped, same_again)
     }
 
     pub(super) fn lost(&self, count: u64) {
@@ -355,4 +358,19 @@ impl Hub {
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_same_reason_again_is_known_as_such() {
+        let source = SourceInfo { spec: "v4l2:cam".into(), kind: "v4l2", notes: String::new(), fps: 15.0 };
+        let hub = Hub::new(None, None, source);
+        let said: Vec<_> = ["small", "small", "broken", "small"].map(|why| hub.skipped(why.into())).into();
+        assert_eq!(said, [(1, false), (2, true), (3, false), (4, false)]);
+        let status = hub.status(0);
+        assert_eq!((status.frames.skipped, status.frames.last_skipped.as_deref()), (4, Some("small")));
+    }
 }

@@ -172,9 +172,13 @@ fn tell(condition: &Condition, before: SourceState) {
     mismatches.iter().for_each(|mismatch| tracing::warn!("{node}: {mismatch}"));
 }
 
+/// Counts a frame that could not be used. A camera that gives nothing else for weeks must not fill the log: what is the same
+/// again is said ever more rarely.
 fn skip(hub: &Hub, skipped: &SkippedFrame) {
-    tracing::warn!("skipped a frame: {skipped}");
-    hub.skipped(skipped.to_string());
+    let (count, same_again) = hub.skipped(skipped.to_string());
+    if !same_again || count.is_power_of_two() {
+        tracing::warn!("skipped a frame, {count} by now: {skipped}");
+    }
 }
 
 /// Solves frames until there are no more; an error if none of them can be solved.
