@@ -22,4 +22,5 @@ pub mod server;
 pub mod simulation;
 pub mod solver;
 pub mod source;
+pub mod tracking;
 pub mod transport;

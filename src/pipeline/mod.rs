@@ -31,4 +31,4 @@ pub use problem::Problem;
 pub use reconstructor::{Reconstruction, Reconstructor};
 pub use run::{Command, Control, Running, start};
 pub use setup::Setup;
-pub use update::{BackgroundReport, FacetReport, State, Timing, Track, Update};
+pub use update::{BackgroundReport, FacetReport, State, Timing, Update};

@@ -3,6 +3,7 @@ use serde::Serialize;
 
 use super::{Model, Reconstruction};
 use crate::scene::Rgb;
+use crate::tracking::Track;
 
 /// Whether the map can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -126,10 +127,6 @@ pub struct FacetReport {
     /// both views is then a bad fit.
     pub wants_second: bool,
 }
-
-/// A tracked person. There is no tracker yet, so there is no value of this type.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub enum Track {}
 
 /// Milliseconds spent on each stage of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Default)]

@@ -2,12 +2,11 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
-use serde::Serialize;
 
 use super::{Renderer, Scenario, Sensor};
 use crate::geometry::Side;
-use crate::scene::Rgb;
 use crate::source::recording::{Layout, Manifest, Transfer};
+use crate::source::truth::{Target, TrueFrame, Truth};
 
 /// Why a recording was not written.
 #[derive(Debug, thiserror::Error)]
@@ -21,28 +20,6 @@ pub enum SimulationError {
     /// An image cannot be encoded.
     #[error("{0}: {1}")]
     Image(PathBuf, image::ImageError),
-}
-
-/// `truth.json`.
-#[derive(Serialize)]
-struct Truth {
-    frames: Vec<TrueFrame>,
-}
-
-#[derive(Serialize)]
-struct TrueFrame {
-    index: u64,
-    t: f64,
-    targets: Vec<Target>,
-}
-
-#[derive(Serialize)]
-struct Target {
-    id: u64,
-    x_m: f64,
-    y_m: f64,
-    radius_m: f64,
-    rgb: Rgb,
 }
 
 /// Writes `frames` frames of a scenario as a recording (DESIGN: the recording contract) of linear 16-bit patches with truth.
@@ -67,7 +44,7 @@ pub fn write_recording(
         each();
         Ok(())
     })?;
-    let truth = out_dir.join("truth.json");
+    let truth = out_dir.join(Truth::FILE);
     let text = serde_json::to_vec(&self::truth(scenario, frames)).map_err(Into::into);
     text.and_then(|text| std::fs::write(&truth, text)).map_err(|e| SimulationError::Io(truth, e))?;
     manifest(scenario, frames, seed).write(out_dir).map_err(|e| SimulationError::Io(out_dir.join("recording.json"), e))

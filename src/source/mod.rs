@@ -11,6 +11,7 @@ pub mod recorder;
 pub mod recording;
 mod replay;
 pub mod sensor;
+pub mod truth;
 #[cfg(feature = "v4l2")]
 pub mod v4l2;
 

@@ -1,0 +1,41 @@
+use serde::Serialize;
+
+use crate::scene::Rgb;
+
+/// A symmetric 2 x 2 matrix [[xx, xy], [xy, yy]].
+pub type Covariance = [[f64; 2]; 2];
+
+/// How sure a track is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TrackState {
+    /// It may be a false alarm yet.
+    Tentative,
+    /// Somebody is there.
+    Confirmed,
+    /// Somebody was there; the last frames show nobody, and this is where they are expected to be.
+    Coasting,
+}
+
+/// A tracked person, as updates report it (DESIGN: the update contract).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Track {
+    /// Never used again for anybody else in one run.
+    pub id: u64,
+    /// How sure it is.
+    pub state: TrackState,
+    /// The body's axis, in metres in the door frame.
+    pub x_m: f64,
+    /// The same, into the room.
+    pub y_m: f64,
+    /// Velocity, in metres a second.
+    pub vx_m_s: f64,
+    /// The same, into the room.
+    pub vy_m_s: f64,
+    /// Covariance of the position, in m².
+    pub covariance_m2: Covariance,
+    /// Radiance against what is behind, relative to full scale; negative where the body is darker.
+    pub rgb: Rgb,
+    /// Seconds since it was first seen.
+    pub age_s: f64,
+}
