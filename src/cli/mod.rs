@@ -5,6 +5,7 @@ mod check_config;
 mod demo;
 #[cfg(feature = "v4l2")]
 mod devices;
+mod evaluate;
 mod import;
 mod reconstruct;
 mod record;
@@ -44,6 +45,7 @@ enum Command {
     Demo(demo::Arguments),
     Serve(serve::Arguments),
     Reconstruct(reconstruct::Arguments),
+    Evaluate(evaluate::Arguments),
     Record(record::Arguments),
     Import(import::Arguments),
     #[cfg(feature = "v4l2")]
@@ -99,6 +101,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Record(arguments) => record::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         #[cfg(feature = "v4l2")]

@@ -119,7 +119,7 @@ fn report(frame: u64, objective: f64, audit: &Audit) {
 }
 
 /// A recording's own clock, counted from the epoch: it has no date.
-fn recording_time(seconds: f64) -> Timestamp {
+pub(super) fn recording_time(seconds: f64) -> Timestamp {
     let offset = SignedDuration::try_from_secs_f64(seconds).unwrap_or_default();
     Timestamp::UNIX_EPOCH.checked_add(offset).unwrap_or_default()
 }

@@ -12,6 +12,7 @@ use crate::config::Preset;
 use crate::measurement::PatchPair;
 use crate::scene::Scene;
 use crate::source::{Condition, Granted, RawFrame, RawImages, SourceState};
+use crate::tracking::Detection;
 
 /// One update as everyone gets it: made once, never changed.
 #[derive(Debug)]
@@ -24,6 +25,8 @@ pub struct Published {
     pub scene: Option<Scene>,
     /// The difference measurement, for pictures; none while learning.
     pub difference: Option<PatchPair>,
+    /// Who is seen in this frame by itself: nobody until there are detections.
+    pub detections: Vec<Detection>,
     /// When it was published.
     pub at: Instant,
 }
@@ -33,7 +36,7 @@ impl Published {
     pub fn new(update: Update, scene: Option<Scene>, difference: Option<PatchPair>) -> Self {
         // An update has no map with keys other than strings, the one thing that serialisation refuses.
         let json = serde_json::to_string(&update).unwrap_or_default().into();
-        Self { update, json, scene, difference, at: Instant::now() }
+        Self { update, json, scene, difference, detections: Vec::new(), at: Instant::now() }
     }
 }
 

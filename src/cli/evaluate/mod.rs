@@ -1,0 +1,169 @@
+mod table;
+
+use std::io::{BufReader, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use clap::CommandFactory;
+use doorcam::analysis::evaluation::{Observed, Report, Scorer, read_updates};
+use doorcam::config::Config;
+use doorcam::pipeline::{Published, StepError};
+use doorcam::source::Purpose;
+use doorcam::source::recording::{Entry, Recording};
+use doorcam::source::truth::Truth;
+
+use super::reconstruct::recording_time;
+use super::{ModelOptions, engine, open_recording, progress};
+
+/// Score tracks against the truth of recordings: a table, JSON, pictures of the paths
+///
+/// Each recording is reconstructed frame by frame as if it were live, and its confirmed and coasting tracks are compared with
+/// its truth.json: in each frame after background_frames, the optimal assignment of tracks to people who are less than 0.5 m
+/// apart.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Columns:
+  frames           scored: after background_frames, and known to truth.json
+  targets          people to be found, counted in every scored frame anew
+  mean, RMSE, p95  distance from the true to the reported place of those found; 95 of 100 are at most p95
+  missed           of targets
+  false            reports of nobody, counted in every scored frame anew
+  false tracks     tracks that are nobody in more than half of their scored frames
+  switches         changes of the track that a person is found as
+  in ellipse       of those found, who stands inside the reported 95 % ellipse: 95 % if the ellipses are right
+  GOSPA            mean distance with p = 2, alpha = 2, c = 0.5 m: errors, missed and false in one figure
+docs/evaluation.md defines them all.
+
+With --json, one object a recording, a line each: recording, frames, scored_frames, targets, detected, missed, false,
+mean_error_m, rmse_m, p95_error_m, gospa_m, id_switches, timing_ms, and more.
+
+Examples:
+  doorcam evaluate recordings/D1 recordings/D2 --output pictures
+  doorcam evaluate recordings/D1 --json | python3 -m json.tool
+  doorcam evaluate recordings/syn-1 --detections
+  doorcam evaluate recordings/D1 --updates updates.jsonl")]
+pub(super) struct Arguments {
+    /// Directories of recordings that have a truth.json
+    #[arg(required = true, value_name = "RECORDING")]
+    recordings: Vec<PathBuf>,
+    /// One JSON object a recording on stdout instead of a table
+    #[arg(long)]
+    json: bool,
+    /// Write a picture of each recording's paths here: evaluation_NAME.svg and .png
+    #[arg(long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Who came in less than S seconds ago counts neither as found nor as missed [default: 1; with --detections 0]
+    #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = parse_settle)]
+    settle: Option<f64>,
+    /// Score what each frame shows by itself instead of tracks
+    #[arg(long)]
+    detections: bool,
+    /// Score the updates in FILE, one JSON object a line as reconstruct prints and the live socket sends them, instead of
+    /// reconstructing the one RECORDING
+    #[arg(long, value_name = "FILE", conflicts_with = "detections")]
+    updates: Option<PathBuf>,
+    #[command(flatten)]
+    model: ModelOptions,
+}
+
+fn parse_settle(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|s: &f64| s.is_finite() && *s >= 0.0).ok_or_else(|| "expected 0 or more seconds".into())
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    if arguments.updates.is_some() && arguments.recordings.len() > 1 {
+        let message = "--updates FILE is of one RECORDING\n";
+        super::Arguments::command().error(clap::error::ErrorKind::TooManyValues, message).exit();
+    }
+    let config = arguments.model.config()?;
+    let mut reports = Vec::new();
+    let done = arguments.recordings.iter().try_for_each(|path| {
+        let report = evaluate(arguments, &config, path)?;
+        if arguments.json {
+            let mut stdout = std::io::stdout().lock();
+            writeln!(stdout, "{}", serde_json::to_string(&report)?)?;
+            stdout.flush()?;
+        }
+        reports.push(report);
+        Ok(())
+    });
+    // What was done before something failed is shown too.
+    if !arguments.json && !reports.is_empty() {
+        write!(std::io::stdout().lock(), "{}", table::table(&reports))?;
+    }
+    done
+}
+
+fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Result<Report> {
+    let recording = open_recording(path)?;
+    let truth_file = path.join(Truth::FILE);
+    let Some(truth) = Truth::of_recording(path)? else {
+        bail!("{}: no such file, expected where everybody really was (docs/recordings.md)", truth_file.display());
+    };
+    let Some([_, first]) = recording.manifest.background_frames else {
+        let manifest = path.join("recording.json");
+        bail!("{}: background_frames is missing, expected [first, end) of the empty room", manifest.display());
+    };
+    if truth.frames.iter().all(|frame| frame.index < first) {
+        bail!(
+            "{}: no frame after background_frames (index {first} or more), so nothing to score",
+            truth_file.display()
+        );
+    }
+    let settle = arguments.settle.unwrap_or(if arguments.detections { 0.0 } else { 1.0 });
+    let mut scorer = Scorer::new(&truth, first, settle).with_context(|| truth_file.display().to_string())?;
+    match &arguments.updates {
+        Some(file) => {
+            let opened = std::fs::File::open(file).with_context(|| file.display().to_string())?;
+            let updates = read_updates(BufReader::new(opened)).with_context(|| file.display().to_string())?;
+            updates.iter().for_each(|update| scorer.score(update));
+        }
+        None => {
+            let observed = if arguments.detections { Observed::detections } else { Observed::tracks };
+            reconstruct(config, &recording, |published| scorer.score(&observed(published)))?;
+        }
+    }
+    let evaluation = scorer.finish();
+    if evaluation.frames.is_empty() {
+        let from = arguments.updates.as_deref().unwrap_or(path);
+        bail!("{}: no update of a frame that {} knows", from.display(), truth_file.display());
+    }
+    if evaluation.unseen > 0 {
+        tracing::warn!(
+            "{}: {} frames of truth.json have no update and are not scored",
+            path.display(),
+            evaluation.unseen
+        );
+    }
+    let report = evaluation.report(&path.display().to_string(), recording.frames.len());
+    Ok(report)
+}
+
+/// Takes the frames of a recording as if they were live; `each` is told of every update after the background.
+fn reconstruct(config: &Config, recording: &Recording, mut each: impl FnMut(&Published)) -> anyhow::Result<()> {
+    let (mut engine, _) = engine(config, recording, true)?;
+    let entries: Vec<&Entry> =
+        recording.frames.iter().filter(|e| recording.purpose(e.index) != Purpose::Before).collect();
+    let progress = progress(entries.len() as u64);
+    let mut skipped = 0;
+    for entry in entries {
+        let stepped = doorcam::source::load(recording, entry)
+            .map_err(StepError::Skipped)
+            .and_then(|frame| engine.step(&frame, recording_time(entry.seconds)));
+        match stepped {
+            Ok(published) if published.scene.is_some() => each(&published),
+            Ok(_) => {}
+            Err(StepError::Skipped(reason)) => {
+                skipped += 1;
+                progress.suspend(|| tracing::warn!("skipped frame {}: {reason}", entry.index));
+            }
+            Err(e @ StepError::NoBackground) => bail!("{}: {e}", recording.path.display()),
+        }
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    if skipped > 0 {
+        tracing::warn!("{}: {skipped} frames skipped", recording.path.display());
+    }
+    Ok(())
+}
