@@ -3,9 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::geometry::{Doorway, Side};
+use crate::geometry::{Doorway, Point, Side};
 use crate::source::image::{Image, Samples};
 use crate::source::recording::{Layout, Manifest, Transfer};
+use crate::source::truth::{Target, TrueFrame, Truth};
 
 /// Why nothing, or not everything, could be imported.
 #[derive(Debug, thiserror::Error)]
@@ -50,10 +51,22 @@ struct Scene {
     files: [[PathBuf; 2]; 2],
     fov_m: f64,
     notes: String,
+    /// Where who came in stands, in metres in the door frame; none where that is not known.
+    stands: Option<&'static [Point]>,
 }
 
 /// Noise levels of the synthetic frames beside 8000, in light paths a pixel.
 const OTHER_SAMPLES: [u32; 9] = [4000, 2000, 1000, 500, 250, 125, 60, 30, 15];
+
+/// Where the cylinders of a synthetic scene stand. The paper shows the others in its figures only.
+fn known_places(folder: &str) -> Option<&'static [Point]> {
+    match folder {
+        "Emissive Example" => Some(&[[0.0, 1.0]]),
+        // The published files of the latter are byte for byte those of the former.
+        "Two Target Example" | "Non-Lambertian Example" => Some(&[[-0.75, 1.0], [0.75, 1.0]]),
+        _ => None,
+    }
+}
 
 fn scenes() -> Vec<Scene> {
     let laboratory = [
@@ -76,6 +89,7 @@ fn scenes() -> Vec<Scene> {
             files: [files("bg"), files(&scene.to_string())],
             fov_m: 0.15,
             notes: format!("DoorwayCameraCode, laboratory, {folder}, scene {scene}; published lambda {lambda}"),
+            stands: None,
         }
     });
     let synthetic = [
@@ -92,6 +106,7 @@ fn scenes() -> Vec<Scene> {
         files: [measured(folder, background), measured(folder, frame)],
         fov_m: 0.30,
         notes: format!("DoorwayCameraCode, synthetic, {folder}, {frame}; published lambda {lambda}"),
+        stands: known_places(folder),
         name,
     };
     let emissive = synthetic_scene("syn-0".into(), "Emissive Example", "colorful_background", "colorful_object", "0.2");
@@ -174,7 +189,20 @@ fn write(scene: &Scene, src: &Path, out: &Path) -> Result<(), ImportError> {
         background_frames: Some([0, 1]),
         notes: scene.notes.clone(),
     };
+    let truth = out.join(Truth::FILE);
+    if let Some(places) = scene.stands {
+        let text = serde_json::to_vec(&self::truth(places)).map_err(std::io::Error::from).map_err(io(&truth))?;
+        fs::write(&truth, text).map_err(io(&truth))?;
+    }
     manifest.write(out).map_err(io(out))
+}
+
+/// Nobody in the background, frame 0; everybody in the new frame, 1. How wide they are and of what colour is not published.
+fn truth(places: &[Point]) -> Truth {
+    let target = |(id, &[x_m, y_m]): (u64, &Point)| Target { id, x_m, y_m, radius_m: 0.0, rgb: [0.0; 3] };
+    let targets = (1..).zip(places).map(target).collect();
+    let empty = TrueFrame { index: 0, t: 0.0, targets: Vec::new() };
+    Truth { frames: vec![empty, TrueFrame { index: 1, t: 1.0, targets }] }
 }
 
 fn write_png(image: &Image, to: &Path) -> Result<(), ImportError> {
@@ -185,6 +213,44 @@ fn write_png(image: &Image, to: &Path) -> Result<(), ImportError> {
         Samples::Sixteen(codes) => {
             let bytes: Vec<u8> = codes.iter().flat_map(|c| c.to_ne_bytes()).collect();
             save(image::save_buffer(to, &bytes, width, height, image::ColorType::Rgb16))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every measurement of the authors' as one small image.
+    fn source() -> tempfile::TempDir {
+        let dir = tempfile::tempdir().unwrap();
+        let image = Image { width: 4, height: 4, samples: Samples::Eight(vec![90; 48]) };
+        for file in scenes().iter().flat_map(|scene| scene.files.iter().flatten()) {
+            let path = dir.path().join(file);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            write_png(&image, &path.with_extension("png")).unwrap();
+            fs::rename(path.with_extension("png"), &path).unwrap();
+        }
+        dir
+    }
+
+    #[test]
+    fn where_cylinders_are_known_to_stand_the_recording_says_so() {
+        let (source, out) = (source(), tempfile::tempdir().unwrap());
+        doorway_camera_code(source.path(), out.path(), false, |_| {}).unwrap();
+        let places = |name: &str| {
+            let truth = Truth::of_recording(&out.path().join(name)).unwrap()?;
+            let [empty, frame] = &truth.frames[..] else { panic!("two frames: {truth:?}") };
+            assert_eq!((empty.index, empty.targets.len(), frame.index), (0, 0, 1));
+            Some(frame.targets.iter().map(|t| (t.id, [t.x_m, t.y_m])).collect::<Vec<_>>())
+        };
+        assert_eq!(places("syn-0"), Some(vec![(1, [0.0, 1.0])]));
+        for two in ["syn-1", "syn-1-samps-250", "syn-4"] {
+            assert_eq!(places(two), Some(vec![(1, [-0.75, 1.0]), (2, [0.75, 1.0])]), "{two}");
+        }
+        for unknown in ["lab-0", "syn-2", "syn-3"] {
+            assert!(out.path().join(unknown).join("recording.json").is_file());
+            assert_eq!(places(unknown), None);
         }
     }
 }

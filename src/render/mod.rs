@@ -6,17 +6,21 @@
 mod axes;
 mod colour;
 mod difference;
+mod evaluation;
 mod figure;
 mod frame;
 mod legend;
 mod panel;
+mod plan;
 mod raster;
 mod text;
+mod timeline;
 
 #[cfg(test)]
 mod tests;
 
 pub use difference::difference_png;
+pub use evaluation::{EstimatedPoint, EvaluationPicture, Found, PersonPath, TrackPath, TruePoint, evaluation_svg};
 pub use figure::{ReconstructionPicture, reconstruction_svg};
 pub use raster::png;
 

@@ -6,6 +6,7 @@
 mod figures;
 mod gospa;
 mod observed;
+mod paths;
 mod score;
 
 pub use figures::{GospaParts, Report, ReportTiming};

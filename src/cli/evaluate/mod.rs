@@ -1,3 +1,4 @@
+mod picture;
 mod table;
 
 use std::io::{BufReader, Write};
@@ -76,6 +77,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         super::Arguments::command().error(clap::error::ErrorKind::TooManyValues, message).exit();
     }
     let config = arguments.model.config()?;
+    if let Some(directory) = &arguments.output {
+        picture::prepare(directory, &arguments.recordings)?;
+    }
     let mut reports = Vec::new();
     let done = arguments.recordings.iter().try_for_each(|path| {
         let report = evaluate(arguments, &config, path)?;
@@ -136,6 +140,9 @@ fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Resu
         );
     }
     let report = evaluation.report(&path.display().to_string(), recording.frames.len());
+    if let Some(directory) = &arguments.output {
+        picture::write(directory, &recording, &config, &evaluation, &report)?;
+    }
     Ok(report)
 }
 

@@ -1,5 +1,6 @@
 //! The figure is read back as a reader would: positions from its axes, colours from its pixels.
 
+mod evaluation;
 mod shown;
 
 use resvg::usvg::roxmltree::{Document, Node};
