@@ -77,6 +77,8 @@ pub struct EstimatedPoint {
     pub covariance: [[f64; 2]; 2],
     /// Whether it is nobody.
     pub stray: bool,
+    /// Whether it follows the place before it without a gap in between.
+    pub joined: bool,
 }
 
 /// The floor plan is at most so wide and high, in page units.

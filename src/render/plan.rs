@@ -124,7 +124,7 @@ fn walked(frame: &Frame, person: &PersonPath, step: f64) -> Group {
     for TruePoint { position, .. } in person.points.iter().filter(|p| p.found.is_none() && !p.settling) {
         missed = missed.add(ring(frame.place(*position)));
     }
-    Group::new().add(stroke(polyline(frame, &places), 1.2)).add(stroke(ticks, 1.0)).add(missed)
+    Group::new().add(stroke(polyline(frame, places.iter().copied()), 1.2)).add(stroke(ticks, 1.0)).add(missed)
 }
 
 /// Where somebody is missed.
@@ -152,10 +152,11 @@ pub(super) fn name_mark([x, y]: Point, name: &str) -> Group {
 }
 
 fn estimated(frame: &Frame, track: &TrackPath, colour: &str) -> Group {
-    let places: Vec<Point> = track.points.iter().map(|p| p.position).collect();
     let mut group = Group::new();
     if track.id.is_some() {
-        let path = Path::new().set("d", polyline(frame, &places)).set("stroke", colour).set("fill", "none");
+        let stretches = track.points.chunk_by(|_, next| next.joined);
+        let d: String = stretches.map(|s| polyline(frame, s.iter().map(|p| p.position))).collect();
+        let path = Path::new().set("d", d).set("stroke", colour).set("fill", "none");
         group = group.add(path.set("stroke-width", 1.3).set("stroke-linejoin", "round"));
     }
     for point in track.points.iter().filter(|p| !p.stray) {
@@ -194,9 +195,9 @@ fn ellipse(frame: &Frame, point: &EstimatedPoint) -> Option<Ellipse> {
     Some(ellipse.set("transform", format!("rotate({} {x} {y})", unit(degrees))))
 }
 
-fn polyline(frame: &Frame, places: &[Point]) -> String {
+fn polyline(frame: &Frame, places: impl Iterator<Item = Point>) -> String {
     let mut d = String::new();
-    for (k, &place) in places.iter().enumerate() {
+    for (k, place) in places.enumerate() {
         let [x, y] = frame.place(place);
         d += &format!("{}{} {}", if k == 0 { 'M' } else { 'L' }, unit(x), unit(y));
     }

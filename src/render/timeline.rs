@@ -14,7 +14,7 @@ pub(super) const SETTLING: &str = "#f6ecd2";
 /// Rows at most; what comes after is in the table only.
 const MOST: usize = 8;
 const LEAST_HEIGHT: f64 = 46.0;
-const MOST_HEIGHT: f64 = 130.0;
+const MOST_HEIGHT: f64 = 190.0;
 const GAP: f64 = 10.0;
 const TEXT: f64 = 10.0;
 /// Space below the last row, for its ticks and label.
@@ -159,9 +159,14 @@ fn axes(row: &Row, name: &str, last: bool) -> Group {
     if last {
         group = group.add(line(row.left + width / 2.0, row.bottom() + 29.0, TEXT + 1.0, Anchor::Middle, "time [s]"));
     }
+    // On whatever is drawn below it.
+    let name = line(row.left + width - 6.0, row.top + 14.0, TEXT, Anchor::End, name)
+        .set("stroke", "#fff")
+        .set("stroke-width", 3)
+        .set("paint-order", "stroke");
     let (x, y) = (unit(row.left - 38.0), unit(row.top + height / 2.0));
     group
         .add(Path::new().set("d", marks).set("stroke", "#000").set("stroke-width", 0.8))
         .add(line(x, y, TEXT, Anchor::Middle, "error [m]").set("transform", format!("rotate(-90 {x} {y})")))
-        .add(line(row.left + width - 6.0, row.top + 14.0, TEXT, Anchor::End, name))
+        .add(name)
 }

@@ -21,16 +21,19 @@ impl Evaluation {
     /// Estimated paths for a picture, in the order of their coming.
     pub fn estimated(&self) -> Vec<TrackPath> {
         let mut paths: Vec<TrackPath> = Vec::new();
+        let mut before: Vec<Option<u64>> = Vec::new();
         for frame in &self.frames {
             let found = frame.targets.iter().filter_map(|target| target.estimate.map(|e| (e, false)));
-            for (estimate, stray) in found.chain(frame.strays.iter().map(|&e| (e, true))) {
-                let Estimate { id, position, covariance } = estimate;
-                let point = EstimatedPoint { seconds: frame.seconds, position, covariance, stray };
+            let reported: Vec<_> = found.chain(frame.strays.iter().map(|&e| (e, true))).collect();
+            for &(Estimate { id, position, covariance }, stray) in &reported {
+                let joined = before.contains(&id);
+                let point = EstimatedPoint { seconds: frame.seconds, position, covariance, stray, joined };
                 match paths.iter_mut().find(|path| path.id == id) {
                     Some(path) => path.points.push(point),
                     None => paths.push(TrackPath { id, points: vec![point] }),
                 }
             }
+            before = reported.iter().map(|(estimate, _)| estimate.id).collect();
         }
         paths
     }
@@ -48,5 +51,39 @@ fn true_point(frame: &FrameScore, target: &TargetScore) -> TruePoint {
         position: target.position(),
         settling: target.verdict == Verdict::Settling,
         found: found(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::evaluation::{Observed, Scorer};
+    use crate::source::truth::{Target, TrueFrame, Truth};
+
+    #[test]
+    fn paths_break_where_somebody_was_away_and_tracks_where_they_were_not_reported() {
+        let target = Target { id: 1, x_m: 0.0, y_m: 1.0, radius_m: 0.2, rgb: [0.0; 3] };
+        let there = [true, true, false, true];
+        let frame = |(index, there): (u64, bool)| TrueFrame {
+            index,
+            t: index as f64,
+            targets: if there { vec![target] } else { vec![] },
+        };
+        let truth = Truth { frames: (0..).zip(there).map(frame).collect() };
+        let mut scorer = Scorer::new(&truth, 0, 0.0).unwrap();
+        // 0.3 m to the right, 0.1 m of standard deviation there: the ellipse reaches 0.245 m.
+        let estimate = Estimate { id: Some(7), position: [0.3, 1.0], covariance: [[0.01, 0.0], [0.0, 0.04]] };
+        for (index, estimates) in [(0, vec![estimate]), (1, vec![]), (2, vec![estimate]), (3, vec![estimate])] {
+            scorer.score(&Observed { frame: Some(index), estimates, times: None });
+        }
+        let evaluation = scorer.finish();
+        let people = evaluation.people();
+        assert_eq!(people.iter().map(|p| (p.id, p.points.len())).collect::<Vec<_>>(), [(1, 2), (1, 1)]);
+        let found = people[0].points[0].found.unwrap();
+        assert!((found.error_m - 0.3).abs() < 1e-12 && (found.reach_m.unwrap() - 0.1 * 5.991f64.sqrt()).abs() < 1e-12);
+        assert_eq!(people[0].points[1].found, None);
+        let tracks = evaluation.estimated();
+        let points: Vec<_> = tracks[0].points.iter().map(|p| (p.seconds, p.stray, p.joined)).collect();
+        assert_eq!((tracks.len(), points), (1, vec![(0.0, false, false), (2.0, true, false), (3.0, false, true)]));
     }
 }

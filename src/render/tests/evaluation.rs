@@ -18,7 +18,7 @@ fn still(seconds: f64, position: Point, found: Option<Found>) -> TruePoint {
 }
 
 fn estimate(seconds: f64, position: Point, stray: bool) -> EstimatedPoint {
-    EstimatedPoint { seconds, position, covariance: COVARIANCE, stray }
+    EstimatedPoint { seconds, position, covariance: COVARIANCE, stray, joined: true }
 }
 
 #[test]
@@ -28,10 +28,8 @@ fn paths_strays_and_ellipses_stand_where_they_are() {
         id: 1,
         points: vec![still(0.1, [-1.0, 1.0], found), still(0.5, [0.0, 1.0], found), still(0.9, [1.0, 1.0], None)],
     };
-    let track = TrackPath {
-        id: Some(4),
-        points: vec![estimate(0.1, [-1.0, 1.5], false), estimate(0.5, [0.0, 1.5], false)],
-    };
+    let track =
+        TrackPath { id: Some(4), points: vec![estimate(0.1, [-1.0, 1.5], false), estimate(0.5, [0.0, 1.5], false)] };
     let nobody = TrackPath { id: Some(5), points: vec![estimate(0.1, [0.5, 2.5], true)] };
     let shown = Shown::new(svg(&[person], &[track, nobody], "caption"));
     let at = |place| shown.at("doorcam-plan", 0, place);
@@ -83,7 +81,7 @@ proptest! {
         let found = Some(Found { track: None, error_m: values[0], reach_m: Some(values[1]) });
         let person = PersonPath { id: 1, points: vec![still(values[2], point(3), found), still(values[5], point(6), None)] };
         let covariance = [[values[8], values[9]], [values[9], values[10]]];
-        let stray = EstimatedPoint { seconds: values[11], position: point(0), covariance, stray: values[4] > 0.0 };
+        let stray = EstimatedPoint { seconds: values[11], position: point(0), covariance, stray: values[4] > 0.0, joined: true };
         let text = svg(&[person], &[TrackPath { id: Some(1), points: vec![stray, stray] }], "");
         prop_assert!(!text.contains("NaN") && !text.contains("inf"));
         prop_assert!(png(&text, 300).is_ok());
