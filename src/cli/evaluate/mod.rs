@@ -141,7 +141,7 @@ fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Resu
     }
     let report = evaluation.report(&path.display().to_string(), recording.frames.len());
     if let Some(directory) = &arguments.output {
-        picture::write(directory, &recording, &config, &evaluation, &report)?;
+        picture::write(directory, &recording, config, &evaluation, &report)?;
     }
     Ok(report)
 }

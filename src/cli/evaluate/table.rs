@@ -111,12 +111,12 @@ mod tests {
             ellipse_share: None,
             ..report()
         };
-        let expected = "\
-                                   mean   RMSE    p95  missed          false            in ellipse  GOSPA               solve, total
+        let expected = "
+                                    mean   RMSE    p95  missed          false            in ellipse  GOSPA               solve, total
 recording         frames  targets      m      m      m       %  false  tracks  switches           %      m               p50 / p99 ms
 evening               60       55  0.112  0.140  0.300     5.5   1204       0         2       100.0  0.100  0.30 / 1.00, 1.50 / 12.25
 much-longer-ñame      60        0      –      –      –       –   1204       0         2           –  0.100                          –
 ";
-        assert_eq!(table(&[full, empty]), expected);
+        assert_eq!(format!("\n{}", table(&[full, empty])), expected);
     }
 }
