@@ -141,7 +141,12 @@ pub(super) fn ring([x, y]: Point) -> Circle {
 fn start(frame: &Frame, person: &PersonPath) -> Group {
     let Some(first) = person.points.first() else { return Group::new() };
     let [x, y] = frame.place(first.position);
-    name_mark([x, y], &person.id.to_string())
+    let mut mark = Group::new();
+    if first.found.is_none() && !first.settling {
+        // The disc would hide the ring of who is missed here: a larger one around it.
+        mark = mark.add(ring([x, y]).set("r", 10));
+    }
+    mark.add(name_mark([x, y], &person.id.to_string()))
 }
 
 /// Where a true path starts, with the person's name in it.
