@@ -2,6 +2,7 @@
 
 mod background;
 mod camera;
+mod tracking;
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -9,10 +10,12 @@ use std::path::Path;
 pub use background::{AveragingConfig, BackgroundConfig};
 pub use camera::{CameraConfig, StorageConfig};
 use serde::{Deserialize, Serialize};
+pub use tracking::TrackerConfig;
 
 use crate::geometry::{GridSpec, Point, Room};
 use crate::scene::Brightness;
 use crate::solver::ModelKind;
+use crate::tracking::Zone;
 use crate::transport::Kernel;
 
 /// A configuration that cannot be used: one line that names the file, the line or key, and what was expected.
@@ -46,6 +49,10 @@ pub struct Config {
     pub solver: SolverConfig,
     /// The unified map and its figures.
     pub scene: SceneConfig,
+    /// How people are followed.
+    pub tracker: TrackerConfig,
+    /// Parts of the room that have names.
+    pub zones: Vec<Zone>,
     /// A set of values that overrides the sections above it names.
     #[serde(skip)]
     pub preset: Option<Preset>,
@@ -314,7 +321,9 @@ impl Config {
         within("solver.lambda_factor", self.solver.lambda_factor, 0.01, 100.0, "(a factor)")?;
         within("solver.lambda_share", self.solver.lambda_share, 0.0, 1.0, "(a share)")?;
         within("solver.max_steps", self.solver.max_steps as f64, 1.0, 1e6, "steps")?;
-        within("scene.unified_threshold", self.scene.unified_threshold, 0.0, 1.0, "(a share of the largest |c|)")
+        within("scene.unified_threshold", self.scene.unified_threshold, 0.0, 1.0, "(a share of the largest |c|)")?;
+        self.tracker.check()?;
+        tracking::check_zones(&self.zones)
     }
 }
 

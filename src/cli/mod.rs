@@ -149,7 +149,7 @@ fn engine(
     recording: &doorcam::source::recording::Recording,
     warm_start: bool,
 ) -> anyhow::Result<(doorcam::pipeline::Engine, std::sync::Arc<doorcam::pipeline::Model>)> {
-    use doorcam::pipeline::{Engine, FrameReader, Model, Reconstructor};
+    use doorcam::pipeline::{Engine, FrameReader, Model, People, Reconstructor};
 
     let named = || recording.path.join("recording.json").display().to_string();
     let reader = FrameReader::for_recording(config, &recording.manifest).with_context(named)?;
@@ -157,5 +157,5 @@ fn engine(
     let model = Model::new(config, doorway, reader.patch(), reader.seen()).with_context(named)?;
     let model = std::sync::Arc::new(model);
     let engine = Engine::new(reader, Reconstructor::new(std::sync::Arc::clone(&model), warm_start));
-    Ok((engine.averaging(&config.averaging), model))
+    Ok((engine.averaging(&config.averaging).following(People::new(config)), model))
 }

@@ -168,7 +168,8 @@ fn serve(config: &Config, watch: Watch, listen: Option<SocketAddr>) -> anyhow::R
     let spec = info.spec.clone();
     // Before the hub: what counts without a recorder counts for nobody.
     let metrics = recorder();
-    let hub = Arc::new(Hub::new(engine.as_ref().map(Engine::watched), config.preset, info));
+    let hub = Hub::new(engine.as_ref().map(Engine::watched), config.preset, info).configured(config);
+    let hub = Arc::new(hub);
     let runtime = tokio::runtime::Runtime::new().context("cannot start the server's threads")?;
     runtime.block_on(async {
         let server = Server::bind(listen.unwrap_or(config.server.listen)).await?;

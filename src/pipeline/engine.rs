@@ -1,22 +1,26 @@
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
 
 use super::background::{BackgroundStore, Keeper, KeeperError, Seen, Spaced, Work};
 use super::hub::{Published, Watched};
-use super::{FrameReader, ReadTimes, Reconstruction, Reconstructor, Timing, Update};
+use super::people::People;
+use super::{FrameReader, ReadTimes, Reconstruction, Reconstructor, State, Timing, Update};
 use crate::config::{AveragingConfig, BackgroundConfig};
 use crate::measurement::{Averager, Averaging, PatchPair};
 use crate::scene::Brightness;
 use crate::solver::Audit;
 use crate::source::{Purpose, RawFrame, SkippedFrame};
+use crate::tracking::{Detection, Prediction};
 
 /// The whole way of a frame, from encoded images to an update: the same online and offline.
 pub struct Engine {
     reader: FrameReader,
     averager: Averager,
     reconstructor: Reconstructor,
+    /// None: nobody is followed.
+    people: Option<People>,
     /// None: the background is what a recording gives, and stays.
     keeper: Option<Keeper>,
     /// The recording's frames of the empty room.
@@ -48,6 +52,7 @@ impl Engine {
         Self {
             averager: Averager::new(Averaging::None, 0.0, size),
             keeper: None,
+            people: None,
             given: Spaced::default(),
             pair: PatchPair::zeros(size),
             sequence: 0,
@@ -69,14 +74,18 @@ impl Engine {
         Watched { model: Arc::clone(self.reconstructor.model()), calibration: self.calibration }
     }
 
-    /// Number of the next update.
-    pub fn sequence(&self) -> u64 {
-        self.sequence
+    /// Takes the place of another engine: goes on counting updates, tracks and events.
+    pub fn continue_from(&mut self, mut other: Self) {
+        self.sequence = other.sequence;
+        if let (Some(people), Some(others)) = (&mut self.people, other.people.take()) {
+            people.continue_from(others);
+        }
     }
 
-    /// Goes on counting updates from `sequence`.
-    pub fn continue_from(&mut self, sequence: u64) {
-        self.sequence = sequence;
+    /// Follows people.
+    pub fn following(mut self, people: People) -> Self {
+        self.people = Some(people);
+        self
     }
 
     /// Averages frames in time before anything else. To be said before [`Engine::rolling`].
@@ -171,10 +180,31 @@ impl Engine {
             update.state = keeper.state();
             update.background = Some(keeper.report());
         }
+        self.follow(frame.seconds, &mut update);
+        update.timing_ms.total = ms(start.elapsed());
         self.sequence += 1;
         let difference = scene.is_some().then(|| self.reconstructor.difference().clone());
         Ok(Published::new(update, scene, difference))
     }
+
+    /// Who is where, by a map that is of now; nobody is followed through frames without one.
+    fn follow(&mut self, seconds: f64, update: &mut Update) {
+        let Some(people) = &mut self.people else { return };
+        let start = Instant::now();
+        let report = if update.state == State::Watching {
+            let detections = detect(people.predictions(seconds));
+            people.step(seconds, update.time, &detections)
+        } else {
+            people.pause(update.time)
+        };
+        (update.tracks, update.events, update.zones) = (report.tracks, report.events, report.zones);
+        update.timing_ms.track = ms(start.elapsed());
+    }
+}
+
+/// Whom a frame shows, given where people are expected: nobody until there are detections.
+fn detect(_expected: impl Iterator<Item = Prediction>) -> Vec<Detection> {
+    Vec::new()
 }
 
 impl Drop for Engine {
@@ -192,8 +222,11 @@ fn is_given(purpose: Purpose, rolling: bool) -> bool {
     }
 }
 
+fn ms(duration: Duration) -> f64 {
+    duration.as_secs_f64() * 1e3
+}
+
 fn timing(read: ReadTimes, solved: Option<&Reconstruction>, start: Instant) -> Timing {
-    let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;
     Timing {
         decode: ms(read.decode),
         rectify: ms(read.rectify),

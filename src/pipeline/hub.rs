@@ -7,12 +7,13 @@ use serde::Serialize;
 use tokio::sync::watch;
 
 use super::meters::Meters;
-use super::{BackgroundReport, Model, State, Update};
-use crate::config::Preset;
+use super::recent::Recent;
+use super::{BackgroundReport, EventPage, Model, State, TrackHistory, Update};
+use crate::config::{Config, Preset, TrackerConfig};
 use crate::measurement::PatchPair;
 use crate::scene::Scene;
 use crate::source::{Condition, Granted, RawFrame, RawImages, SourceState};
-use crate::tracking::Detection;
+use crate::tracking::{Detection, Zone};
 
 /// One update as everyone gets it: made once, never changed.
 #[derive(Debug)]
@@ -69,6 +70,8 @@ pub struct Hub {
     preset: Option<Preset>,
     source: SourceInfo,
     latest: watch::Sender<Option<Arc<Published>>>,
+    recent: Mutex<Recent>,
+    zones: Vec<Zone>,
     counters: Mutex<Counters>,
     meters: Meters,
     started: Instant,
@@ -228,11 +231,41 @@ impl Hub {
             preset,
             source,
             latest: watch::Sender::new(None),
+            recent: Mutex::new(Recent::new(TrackerConfig::default().history_s)),
+            zones: Vec::new(),
             counters: Mutex::new(counters),
             meters: Meters::new(),
             started: Instant::now(),
             stale_after,
         }
+    }
+
+    /// Knows the zones and keeps as much of people's paths as is configured.
+    pub fn configured(mut self, config: &Config) -> Self {
+        self.recent = Mutex::new(Recent::new(config.tracker.history_s));
+        self.zones.clone_from(&config.zones);
+        self
+    }
+
+    /// The configured zones.
+    pub fn zones(&self) -> &[Zone] {
+        &self.zones
+    }
+
+    /// What is kept of a track; none if there is no such track, or it ended too long ago.
+    pub fn track(&self, id: u64) -> Option<TrackHistory> {
+        let latest = self.latest();
+        lock(&self.recent).track(id, latest.as_ref().map_or(&[], |latest| &latest.update.tracks))
+    }
+
+    /// The first `limit` events after number `after`; without one, the newest.
+    pub fn events(&self, after: Option<u64>, limit: usize) -> EventPage {
+        lock(&self.recent).events(after, limit)
+    }
+
+    /// Whether the map can be trusted.
+    pub fn state(&self) -> State {
+        if self.latest().is_some() && !self.is_fresh() { State::Stale } else { lock(&self.counters).state }
     }
 
     /// What the updates are of; none before there is a calibration.
@@ -269,13 +302,13 @@ impl Hub {
     pub fn status(&self, clients: usize) -> Status {
         let now = Instant::now();
         let last = self.latest();
-        let fresh = self.is_fresh();
+        let state = self.state();
         let watched = self.watched();
         let mut counters = lock(&self.counters);
         let counters = &mut *counters;
         Status {
             version: env!("CARGO_PKG_VERSION"),
-            state: if last.is_some() && !fresh { State::Stale } else { counters.state },
+            state,
             uptime_s: self.started.elapsed().as_secs_f64(),
             model: watched.as_ref().map(|w| w.model.kind.name()),
             preset: self.preset,
@@ -296,7 +329,7 @@ impl Hub {
         }
     }
 
-    pub(super) fn publish(&self, published: Published) {
+    pub(crate) fn publish(&self, published: Published) {
         let mut counters = lock(&self.counters);
         counters.state = published.update.state;
         counters.frames.solved += 1;
@@ -305,6 +338,7 @@ impl Hub {
         self.meters.solved.increment(1);
         self.meters.watch_is(published.update.state);
         self.meters.took(&published.update.timing_ms);
+        lock(&self.recent).take(&published.update);
         self.latest.send_replace(Some(Arc::new(published)));
     }
 

@@ -194,7 +194,9 @@ fn solve(
             match command {
                 Command::Use(mut next) => {
                     hub.watch(next.watched());
-                    next.continue_from(engine.as_ref().map_or(0, Engine::sequence));
+                    if let Some(engine) = engine.take() {
+                        next.continue_from(engine);
+                    }
                     engine = Some(*next);
                     recalibrated = true;
                 }

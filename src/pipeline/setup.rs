@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::{BackgroundStore, Engine, FrameReader, Model, Reconstructor, SetupError};
+use super::{BackgroundStore, Engine, FrameReader, Model, People, Reconstructor, SetupError};
 use crate::config::Config;
 use crate::measurement::{Calibration, Check};
 
@@ -43,7 +43,8 @@ impl Setup {
         let store = self.kept.clone().map(|KeptBackground { file, settings }| {
             BackgroundStore::new(file, move || format!("{calibration:?}; {}", settings()))
         });
-        let engine = Engine::new(reader, Reconstructor::new(Arc::new(model), true));
+        let engine =
+            Engine::new(reader, Reconstructor::new(Arc::new(model), true)).following(People::new(&self.config));
         Ok(engine.averaging(&self.config.averaging).rolling(&self.config.background, store))
     }
 

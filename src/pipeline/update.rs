@@ -3,7 +3,7 @@ use serde::Serialize;
 
 use super::{Model, Reconstruction};
 use crate::scene::Rgb;
-use crate::tracking::Track;
+use crate::tracking::{Event, Occupancy, Track};
 
 /// Whether the map can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -50,8 +50,14 @@ pub struct Update {
     pub background: Option<BackgroundReport>,
     /// The facets that changed.
     pub facets: Vec<FacetReport>,
-    /// People: none until there is a tracker.
+    /// People: none while the room is learned.
     pub tracks: Vec<Track>,
+    /// What people did since the update before; left out where that is nothing.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub events: Vec<Event>,
+    /// Who is in which zone; left out where none is configured.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub zones: Vec<Occupancy>,
     /// Where the time went.
     pub timing_ms: Timing,
 }
@@ -141,7 +147,7 @@ pub struct Timing {
     pub project: f64,
     /// Solving eq. 13.
     pub solve: f64,
-    /// Tracking: 0 until there is a tracker.
+    /// Detecting and following people.
     pub track: f64,
     /// From the encoded frame to the update.
     pub total: f64,
@@ -150,6 +156,16 @@ pub struct Timing {
 impl Update {
     /// An update without a map, while the empty room is learned.
     pub fn learning(model: &Model, sequence: u64, time: Timestamp, frame: Option<u64>, timing_ms: Timing) -> Self {
+        Self::blank(model.kind.name(), sequence, time, frame, timing_ms)
+    }
+
+    pub(crate) fn blank(
+        model: &'static str,
+        sequence: u64,
+        time: Timestamp,
+        frame: Option<u64>,
+        timing_ms: Timing,
+    ) -> Self {
         Self {
             version: 1,
             sequence,
@@ -158,12 +174,14 @@ impl Update {
             state: State::Learning,
             calibration: 0,
             solution: SolutionReport::default(),
-            model: model.kind.name(),
+            model,
             illumination: Illumination::default(),
             gain: None,
             background: None,
             facets: Vec::new(),
             tracks: Vec::new(),
+            events: Vec::new(),
+            zones: Vec::new(),
             timing_ms,
         }
     }

@@ -6,7 +6,6 @@ use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
-use serde_json::json;
 
 use super::Shared;
 use super::problem::Problem;
@@ -55,12 +54,6 @@ pub(super) async fn reconstruction(State(shared): State<Shared>) -> Response {
         Some(latest) => ([(header::CONTENT_TYPE, "application/json")], latest.json.to_string()).into_response(),
         None => Problem::not_found("there is no update yet").into_response(),
     }
-}
-
-/// The tracks of the newest update; none yet, there is no tracker.
-pub(super) async fn tracks(State(shared): State<Shared>) -> Response {
-    let tracks = shared.hub.latest().map(|latest| json!(latest.update.tracks)).unwrap_or_else(|| json!([]));
-    Json(json!({ "tracks": tracks })).into_response()
 }
 
 pub(super) async fn reconstruction_png(State(shared): State<Shared>) -> Response {

@@ -5,6 +5,7 @@ mod assets;
 mod calibration;
 mod frame;
 mod live;
+mod people;
 mod pictures;
 mod problem;
 
@@ -144,7 +145,10 @@ fn routes(shared: Shared) -> Router {
         .route("/reconstruction", get(api::reconstruction))
         .route("/reconstruction.png", get(api::reconstruction_png))
         .route("/difference.png", get(api::difference_png))
-        .route("/tracks", get(api::tracks))
+        .route("/tracks", get(people::tracks))
+        .route("/tracks/{id}", get(people::track))
+        .route("/events", get(people::events))
+        .route("/zones", get(people::zones))
         .route("/calibration", get(calibration::get).put(calibration::put))
         .route("/calibration/check", post(calibration::check))
         .route("/calibration/previous", post(calibration::previous))

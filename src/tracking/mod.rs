@@ -1,11 +1,12 @@
 //! People, from what changed in one frame to who is where.
 //!
 //! A [`Detection`] is what one frame says about somebody; a [`Track`] is what all frames so far say. A [`Tracker`] makes
-//! tracks from detections.
+//! tracks from detections, [`Events`] what people do from tracks.
 
 mod association;
 mod colour;
 mod detection;
+mod events;
 mod filter;
 mod motion;
 mod person;
@@ -13,7 +14,10 @@ mod track;
 mod tracker;
 #[cfg(test)]
 mod tracker_tests;
+mod zones;
 
 pub use detection::Detection;
+pub use events::{Dwelling, Event, EventKind, Events, Occupancy};
 pub use track::{Covariance, Track, TrackState};
 pub use tracker::{Prediction, Tracker, TrackerSettings};
+pub use zones::{Zone, ZoneError};

@@ -105,6 +105,11 @@ impl Tracker {
         self.report();
     }
 
+    /// Takes the place of another tracker: its ids are not used again.
+    pub fn continue_from(&mut self, other: &Self) {
+        self.next_id = self.next_id.max(other.next_id);
+    }
+
     /// Where those who are followed are expected at a frame's time, in seconds.
     pub fn predictions(&self, seconds: f64) -> impl Iterator<Item = Prediction> + '_ {
         let elapsed = self.elapsed(seconds).unwrap_or(0.0);

@@ -1,0 +1,131 @@
+//! `[tracker]` and `[[zones]]`: how people are followed, and the parts of the room that have names.
+
+use serde::{Deserialize, Serialize};
+
+use super::{ConfigError, within};
+use crate::geometry::Room;
+use crate::tracking::{Dwelling, TrackerSettings, Zone};
+
+/// Zones that may be configured.
+const MOST_ZONES: usize = 32;
+/// Characters of a zone's name.
+const LONGEST_NAME: usize = 40;
+
+/// `[tracker]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrackerConfig {
+    /// Seconds for which somebody must be seen to be confirmed.
+    pub confirm_s: f64,
+    /// Seconds for which somebody who is not seen is followed.
+    pub coast_s: f64,
+    /// How far outside of the room people may be.
+    pub margin_m: f64,
+    /// A person's radius.
+    pub body_radius_m: f64,
+    /// People at once.
+    pub max_people: usize,
+    /// Seconds in one place that make a dwell event.
+    pub dwell_s: f64,
+    /// How large one place is.
+    pub dwell_radius_m: f64,
+    /// Seconds of a track's path that are kept.
+    pub history_s: f64,
+}
+
+impl Default for TrackerConfig {
+    fn default() -> Self {
+        Self {
+            confirm_s: 0.4,
+            coast_s: 1.5,
+            margin_m: 0.2,
+            body_radius_m: 0.2,
+            max_people: 8,
+            dwell_s: 10.0,
+            dwell_radius_m: 0.4,
+            history_s: 30.0,
+        }
+    }
+}
+
+impl TrackerConfig {
+    /// What the tracker goes by in a room.
+    pub fn settings(&self, room: Room) -> TrackerSettings {
+        TrackerSettings {
+            room,
+            margin_m: self.margin_m,
+            body_radius_m: self.body_radius_m,
+            confirm_s: self.confirm_s,
+            coast_s: self.coast_s,
+            max_people: self.max_people,
+        }
+    }
+
+    /// What makes a dwell event.
+    pub fn dwelling(&self) -> Dwelling {
+        Dwelling { seconds: self.dwell_s, radius_m: self.dwell_radius_m }
+    }
+
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        within("tracker.confirm_s", self.confirm_s, 0.0, 10.0, "seconds")?;
+        within("tracker.coast_s", self.coast_s, 0.1, 30.0, "seconds")?;
+        within("tracker.margin_m", self.margin_m, 0.0, 5.0, "metres")?;
+        within("tracker.body_radius_m", self.body_radius_m, 0.0, 0.5, "metres")?;
+        within("tracker.max_people", self.max_people as f64, 1.0, 32.0, "people")?;
+        within("tracker.dwell_s", self.dwell_s, 1.0, 86_400.0, "seconds")?;
+        within("tracker.dwell_radius_m", self.dwell_radius_m, 0.05, 10.0, "metres")?;
+        within("tracker.history_s", self.history_s, 1.0, 600.0, "seconds")
+    }
+}
+
+pub(super) fn check_zones(zones: &[Zone]) -> Result<(), ConfigError> {
+    if zones.len() > MOST_ZONES {
+        return Err(ConfigError(format!("zones: there are {}, expected at most {MOST_ZONES}", zones.len())));
+    }
+    for (k, zone) in zones.iter().enumerate() {
+        let Zone { name, .. } = zone;
+        if name.trim().is_empty() || name.chars().count() > LONGEST_NAME || name.chars().any(char::is_control) {
+            let what =
+                format!("zones: the name of zone {} is {name:?}, expected 1 to {LONGEST_NAME} characters", k + 1);
+            return Err(ConfigError(what));
+        }
+        if zones[..k].iter().any(|other| other.name == *name) {
+            return Err(ConfigError(format!("zones: two are named \"{name}\", expected each name once")));
+        }
+        zone.check().map_err(|e| ConfigError(format!("zones: polygon_m of \"{name}\" {e}")))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Config;
+
+    #[test]
+    fn values_out_of_range_name_their_key() {
+        let error = |text: &str| Config::parse(text).expect_err("refused").to_string();
+        assert_eq!(error("[tracker]\ncoast_s = 0\n"), "tracker.coast_s is 0, expected 0.1 to 30 seconds");
+        assert_eq!(error("[tracker]\nmax_people = 0\n"), "tracker.max_people is 0, expected 1 to 32 people");
+        assert!(error("[tracker]\nmax_people = -1\n").starts_with("line 2: "));
+        assert!(error("[tracker]\ndwell_s = nan\n").starts_with("tracker.dwell_s is NaN"));
+    }
+
+    #[test]
+    fn zones_are_read_and_wrong_ones_named() {
+        let zone = |name: &str, points: &str| format!("[[zones]]\nname = \"{name}\"\npolygon_m = {points}\n");
+        let good = zone("bed", "[[0.5, 1.0], [1.5, 1.0], [1.5, 2.0]]");
+        let config = Config::parse(&good).unwrap();
+        assert_eq!((config.zones[0].name.as_str(), config.zones[0].polygon_m.len()), ("bed", 3));
+        let error = |text: String| Config::parse(&text).expect_err("refused").to_string();
+        assert_eq!(error(format!("{good}{good}")), "zones: two are named \"bed\", expected each name once");
+        assert_eq!(
+            error(zone("sofa", "[[0, 1], [1, 1]]")),
+            "zones: polygon_m of \"sofa\" has 2 points, expected 3 to 100"
+        );
+        let crossing = error(zone("sofa", "[[0, 0], [1, 1], [1, 0], [0, 1]]"));
+        assert!(crossing.starts_with("zones: polygon_m of \"sofa\" crosses or touches itself"), "{crossing}");
+        assert!(error(zone(" ", "[[0, 0], [1, 1], [1, 0]]")).starts_with("zones: the name of zone 1 is \" \""));
+        assert!(error("[[zones]]\nname = \"x\"\n".into()).contains("polygon_m"));
+        assert!(error(good.replace("polygon_m", "polygon")).contains("unknown field `polygon`"));
+    }
+}

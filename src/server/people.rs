@@ -1,0 +1,185 @@
+use axum::Json;
+use axum::extract::rejection::{PathRejection, QueryRejection};
+use axum::extract::{Path, Query, State};
+use axum::response::{IntoResponse, Response};
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+
+use super::Shared;
+use super::problem::Problem;
+use crate::geometry::Point;
+use crate::pipeline::{self, Hub};
+use crate::tracking::{Track, Zone};
+
+/// Events that one request gets unless it says otherwise, and at most.
+const EVENTS: usize = 100;
+const MOST_EVENTS: usize = 1000;
+
+/// GET /api/v1/tracks.
+#[derive(Serialize)]
+struct Tracks {
+    /// Number and time of the update that they are of; none before the first.
+    sequence: Option<u64>,
+    time: Option<Timestamp>,
+    state: pipeline::State,
+    tracks: Vec<Placed>,
+}
+
+#[derive(Serialize)]
+struct Placed {
+    #[serde(flatten)]
+    track: Track,
+    zones: Vec<String>,
+}
+
+/// GET /api/v1/zones.
+#[derive(Serialize)]
+struct Zones {
+    sequence: Option<u64>,
+    time: Option<Timestamp>,
+    state: pipeline::State,
+    zones: Vec<Occupied>,
+}
+
+#[derive(Serialize)]
+struct Occupied {
+    name: String,
+    polygon_m: Vec<Point>,
+    people: usize,
+    tracks: Vec<u64>,
+}
+
+/// Which events somebody asks for.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Wanted {
+    after: Option<u64>,
+    limit: Option<usize>,
+}
+
+pub(super) async fn tracks(State(shared): State<Shared>) -> Response {
+    Json(current(&shared.hub)).into_response()
+}
+
+pub(super) async fn track(State(shared): State<Shared>, id: Result<Path<u64>, PathRejection>) -> Response {
+    let unknown = |id: &str| Problem::not_found(&format!("there is no track {id}, or it ended too long ago"));
+    match id {
+        Ok(Path(id)) => match shared.hub.track(id) {
+            Some(history) => Json(history).into_response(),
+            None => unknown(&id.to_string()).into_response(),
+        },
+        Err(_) => Problem::not_found("a track's id is a whole number").into_response(),
+    }
+}
+
+pub(super) async fn events(State(shared): State<Shared>, wanted: Result<Query<Wanted>, QueryRejection>) -> Response {
+    let expected = format!("expected after=NUMBER of an event, limit=1 to {MOST_EVENTS}, or neither");
+    match wanted {
+        Ok(Query(Wanted { after, limit })) if limit.is_none_or(|limit| (1..=MOST_EVENTS).contains(&limit)) => {
+            Json(shared.hub.events(after, limit.unwrap_or(EVENTS))).into_response()
+        }
+        _ => Problem::bad_request(&expected).into_response(),
+    }
+}
+
+pub(super) async fn zones(State(shared): State<Shared>) -> Response {
+    Json(occupied(&shared.hub)).into_response()
+}
+
+fn current(hub: &Hub) -> Tracks {
+    let latest = hub.latest();
+    let update = latest.as_ref().map(|latest| &latest.update);
+    let placed = |track: &Track| {
+        let zones = update.iter().flat_map(|update| &update.zones);
+        let zones = zones.filter(|zone| zone.tracks.contains(&track.id)).map(|zone| zone.name.clone()).collect();
+        Placed { track: *track, zones }
+    };
+    Tracks {
+        sequence: update.map(|update| update.sequence),
+        time: update.map(|update| update.time),
+        state: hub.state(),
+        tracks: update.iter().flat_map(|update| &update.tracks).map(placed).collect(),
+    }
+}
+
+fn occupied(hub: &Hub) -> Zones {
+    let latest = hub.latest();
+    let update = latest.as_ref().map(|latest| &latest.update);
+    let occupied = |Zone { name, polygon_m }: &Zone| {
+        let now = update.and_then(|update| update.zones.iter().find(|zone| zone.name == *name));
+        Occupied {
+            name: name.clone(),
+            polygon_m: polygon_m.clone(),
+            people: now.map_or(0, |zone| zone.people),
+            tracks: now.map_or_else(Vec::new, |zone| zone.tracks.clone()),
+        }
+    };
+    Zones {
+        sequence: update.map(|update| update.sequence),
+        time: update.map(|update| update.time),
+        state: hub.state(),
+        zones: hub.zones().iter().map(occupied).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::config::Config;
+    use crate::pipeline::{Published, SourceInfo, Timing, Update};
+    use crate::tracking::{Occupancy, TrackState};
+
+    fn hub() -> Hub {
+        let zones = "[[zones]]\nname = \"bed\"\npolygon_m = [[-1, 1], [1, 1], [1, 2]]\n";
+        let source = SourceInfo { spec: "replay:x".into(), kind: "replay", notes: String::new(), fps: 10.0 };
+        Hub::new(None, None, source).configured(&Config::parse(zones).unwrap())
+    }
+
+    fn text(value: impl Serialize) -> Value {
+        serde_json::to_value(value).unwrap()
+    }
+
+    #[test]
+    fn before_the_first_update_nobody_is_there() {
+        let tracks = json!({"sequence": null, "time": null, "state": "learning", "tracks": []});
+        assert_eq!(text(current(&hub())), tracks);
+        let zone =
+            json!({"name": "bed", "polygon_m": [[-1.0, 1.0], [1.0, 1.0], [1.0, 2.0]], "people": 0, "tracks": []});
+        assert_eq!(
+            text(occupied(&hub())),
+            json!({"sequence": null, "time": null, "state": "learning", "zones": [zone]})
+        );
+    }
+
+    #[test]
+    fn tracks_tell_their_zones_and_zones_their_people() {
+        let hub = hub();
+        let mut update = Update::blank("signed", 7, Timestamp::UNIX_EPOCH, None, Timing::default());
+        update.state = pipeline::State::Watching;
+        let track = Track {
+            id: 3,
+            state: TrackState::Confirmed,
+            x_m: 0.5,
+            y_m: 1.25,
+            vx_m_s: 0.0,
+            vy_m_s: 0.0,
+            covariance_m2: [[0.01, 0.0], [0.0, 0.01]],
+            rgb: [0.0; 3],
+            age_s: 2.0,
+        };
+        update.tracks = vec![track, Track { id: 4, ..track }];
+        update.zones = vec![Occupancy { name: "bed".into(), people: 1, tracks: vec![3] }];
+        hub.publish(Published::new(update, None, None));
+        let tracks = text(current(&hub));
+        assert_eq!((&tracks["sequence"], &tracks["state"]), (&json!(7), &json!("watching")));
+        assert_eq!((&tracks["tracks"][0]["id"], &tracks["tracks"][0]["zones"]), (&json!(3), &json!(["bed"])));
+        assert_eq!(tracks["tracks"][1]["zones"], json!([]));
+        let zones = text(occupied(&hub));
+        assert_eq!((&zones["zones"][0]["people"], &zones["zones"][0]["tracks"]), (&json!(1), &json!([3])));
+        let history = text(hub.track(3));
+        assert_eq!((&history["ended"], &history["path"][0]["x_m"]), (&json!(false), &json!(0.5)));
+        assert!(hub.track(5).is_none());
+    }
+}
