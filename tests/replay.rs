@@ -97,7 +97,14 @@ fn status_geometry_and_pictures_are_served() {
         let image = image::load_from_memory(&png).expect("a PNG");
         assert!(image.width() > 100 && image.height() > 100, "{picture}");
     }
-    assert_eq!(daemon.json("/api/v1/tracks")["tracks"], serde_json::json!([]));
+    let none = serde_json::json!([]);
+    assert_eq!((&daemon.json("/api/v1/tracks")["tracks"], &daemon.json("/api/v1/zones")["zones"]), (&none, &none));
+    assert_eq!(daemon.json("/api/v1/events?after=3&limit=5")["events"], none);
+    for (path, expected) in [("tracks/1", 404), ("tracks/me", 404), ("events?limit=0", 400), ("events?after=x", 400)] {
+        let (code, problem) = daemon.get(&format!("/api/v1/{path}"));
+        let problem: Value = serde_json::from_slice(&problem).unwrap();
+        assert_eq!((code, problem["status"].as_u64()), (expected, Some(u64::from(expected))), "{path}");
+    }
     assert_eq!(daemon.get("/livez").0, 200);
     assert_eq!(daemon.get("/readyz").0, 200);
     let (code, page) = daemon.get("/");

@@ -262,7 +262,7 @@ function refreshPanels() {
   const scale = scales.of(chosen);
   setText(byId("scale"), scale > 0 ? amount(scale) : UNKNOWN);
   showLitFacets(map.geometry, newest, chosen);
-  showTracks(newest.tracks);
+  showTracks(newest.tracks, newest.zones ?? []);
   // While the empty room is learned there is nothing that it differs from.
   if (live.phase === "open" && newest.state !== "learning") difference.refresh(newest.sequence, now);
 }

@@ -16,7 +16,11 @@
  * @property {[Point, Point][]} facets
  * @property {boolean[]} foreground
  * @property {number} calibration  revision it was made from; an update with another has its places elsewhere
+ * @property {Zone[]} [zones]
  */
+
+/** @typedef {{ name: string, polygon_m: Point[] }} Zone */
+/** @typedef {{ name: string, people: number, tracks: number[] }} Occupancy  who is in a zone */
 
 /**
  * @typedef {object} LitFacet
@@ -56,6 +60,7 @@
  * @property {{ left: Rgb, right: Rgb } | null} gain
  * @property {LitFacet[]} facets
  * @property {Track[]} tracks
+ * @property {Occupancy[]} [zones]  left out where there are none
  * @property {Record<string, number>} timing_ms
  * @property {number} calibration  revision of the calibration it was made with
  */

@@ -12,6 +12,7 @@ use super::problem::Problem;
 use crate::geometry::{Doorway, Point, Room};
 use crate::pipeline::{Command, Status, Watched};
 use crate::render::RenderError;
+use crate::tracking::Zone;
 
 /// GET /api/v1/geometry, in the door frame.
 #[derive(Serialize)]
@@ -22,6 +23,7 @@ pub(super) struct Geometry {
     patch: PatchReport,
     facets: Vec<[Point; 2]>,
     foreground: Vec<bool>,
+    zones: Vec<Zone>,
 }
 
 #[derive(Serialize)]
@@ -45,6 +47,7 @@ pub(super) async fn geometry(State(shared): State<Shared>) -> Response {
         patch: PatchReport { fov_m: model.patch.fov_m, pixels: model.patch.size },
         facets: model.grid.facets.iter().map(|f| [f.from, f.to]).collect(),
         foreground: model.grid.foreground.clone(),
+        zones: shared.hub.zones().to_vec(),
     };
     Json(geometry).into_response()
 }

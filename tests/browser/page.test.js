@@ -171,7 +171,7 @@ describe("map", () => {
     const { mock, page } = await visit(t);
     mock.send(update(1, []));
     await draws(page, 1);
-    await page.getByText("No tracks yet: tracking is not built into this version.").waitFor();
+    await page.getByText("Nobody is seen right now.").waitFor();
     /** @type {Track} */
     const track = {
       id: 7, state: "confirmed", x_m: 0.31, y_m: 1.4, vx_m_s: 0.3, vy_m_s: 0.4,
@@ -183,6 +183,44 @@ describe("map", () => {
     await page.locator("#tracks li").waitFor();
     assert.match(await page.locator("#tracks li").innerText(), /7\s+0\.31, 1\.40 m\s+0\.5 m\/s, confirmed for 4 s/);
     assert.equal(await page.locator("#tracks-none").isVisible(), false);
+  });
+
+  test("tells apart who is sure, who may be nobody and who is not seen, and shows where they came from", async (t) => {
+    const { mock, page } = await visit(t);
+    /** @type {(id: number, state: Track["state"], x_m: number) => Track} */
+    const track = (id, state, x_m) => ({
+      id, state, x_m, y_m: 1.4, vx_m_s: 0, vy_m_s: 0, covariance_m2: [[0.01, 0], [0, 0.01]], rgb: [0, 0, 0], age_s: 1,
+    });
+    const at = (/** @type {number} */ ms) => new Date(Date.UTC(2026, 0, 1) + ms).toISOString();
+    mock.send(update(1, [], { time: at(0) }));
+    await draws(page, 1);
+    const between = /** @type {[number, number]} */ ([-0.2, 1.4]);
+    const bare = await colourAt(page, between);
+    mock.send(update(2, [], { time: at(0), tracks: [track(1, "confirmed", -0.4)] }));
+    await draws(page, 2);
+    const tracks = [track(1, "confirmed", 0), track(2, "tentative", 0.5), track(3, "coasting", 1)];
+    mock.send(update(3, [], { time: at(100), tracks }));
+    await draws(page, 3);
+    const [sure, faint, unseen] = await Promise.all([0, 0.5, 1].map((x) => colourAt(page, [x, 1.4])));
+    assert.deepEqual(sure, [244, 247, 250]);
+    assert.ok(faint[0] < unseen[0] && unseen[0] < sure[0], `${faint} ${unseen} ${sure}`);
+    const trail = await colourAt(page, between);
+    assert.ok(trail[0] > bare[0] + 40, `${trail} where ${bare} was`);
+    // Five seconds later, the trail is gone.
+    mock.send(update(4, [], { time: at(5100), tracks: [track(1, "confirmed", 0)] }));
+    await draws(page, 4);
+    assert.deepEqual(await colourAt(page, between), bare);
+  });
+
+  test("outlines zones and says how many people are in them", async (t) => {
+    const { mock, page } = await visit(t, {}, (mock) => {
+      mock.geometry.zones = [{ name: "bed", polygon_m: [[-1, 1.2], [0.2, 1.2], [0.2, 2.2], [-1, 2.2]] }];
+    });
+    mock.send(update(1, [], { zones: [{ name: "bed", people: 2, tracks: [1, 4] }] }));
+    await draws(page, 1);
+    const [red, green, blue] = await colourAt(page, [0.2, 1.9]);
+    assert.ok(green > red && green > blue && green > 120, `${red} ${green} ${blue}`);
+    await page.getByText("In zones: bed 2").waitFor();
   });
 
   test("is sharp on a dense screen and draws a thick wall to scale", async (t) => {

@@ -17,6 +17,8 @@ export const INK = {
   edgeFaint: "#7d6a37",
   patchFill: "rgb(242 193 78 / 0.14)",
   track: "#f4f7fa",
+  trail: "rgb(244 247 250 / 0.4)",
+  zone: "#7fc8a9",
   highlight: "#ffffff",
 };
 

@@ -1,7 +1,9 @@
 import { drawHighlight, drawLitFacets, facetAt } from "./facets.js";
 import { drawRoom } from "./room.js";
 import { drawTracks } from "./tracks.js";
+import { Trails } from "./trails.js";
 import { Viewport, boundsOf, heightFor } from "./viewport.js";
+import { drawZones } from "./zones.js";
 
 /** @import { Choice, Geometry, Point, Update } from "../types.js" */
 /** @import { Bounds } from "./viewport.js" */
@@ -34,6 +36,7 @@ export class RoomMap {
     this.scale = 0;
     /** @type {number | null} */
     this.highlight = null;
+    this.trails = new Trails();
     this.scheduled = false;
     new ResizeObserver(() => this.#resized()).observe(canvas);
     this.#watchPixelRatio();
@@ -45,6 +48,7 @@ export class RoomMap {
     this.bounds = geometry && boundsOf(geometry);
     this.highlight = null;
     this.update = null;
+    this.trails.clear();
     if (geometry) return this.#resized();
     this.view = null;
     this.ctx.clearRect(0, 0, this.canvas.width, this.canvas.height);
@@ -57,6 +61,7 @@ export class RoomMap {
    */
   show(update, scale) {
     this.update = update;
+    this.trails.follow(update);
     this.scale = scale;
     this.#schedule();
   }
@@ -136,8 +141,10 @@ export class RoomMap {
     const { ctx, geometry, view, update } = this;
     if (!geometry || !view) return;
     drawRoom(ctx, view, geometry, this.choice.layer);
+    drawZones(ctx, view, geometry.zones ?? [], update?.zones ?? []);
     if (update) {
       drawLitFacets(ctx, view, geometry, update.facets, this.choice, this.scale);
+      this.trails.draw(ctx, view, update.tracks);
       drawTracks(ctx, view, update.tracks);
     }
     if (this.highlight !== null) drawHighlight(ctx, view, geometry, this.highlight);

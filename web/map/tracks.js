@@ -7,6 +7,9 @@ import { FONT_BOLD, INK } from "./ink.js";
 // the square root of the chi-square quantile 5.991 for two degrees of freedom.
 const SIGMAS_95 = Math.sqrt(5.991);
 
+/** Who may be a false alarm is faint; who is not seen right now is dashed. */
+const ALPHA = { tentative: 0.35, confirmed: 1, coasting: 0.7 };
+
 /**
  * The 95 % ellipse of a 2 x 2 covariance from its eigenvalues.
  * @param {[[number, number], [number, number]]} covariance
@@ -31,10 +34,10 @@ export function drawTracks(ctx, view, tracks) {
   for (const track of tracks) {
     const [x, y] = view.point([track.x_m, track.y_m]);
     const { major, minor, angle } = ellipse95(track.covariance_m2);
-    ctx.globalAlpha = track.state === "confirmed" ? 1 : 0.6;
+    ctx.globalAlpha = ALPHA[track.state];
     ctx.strokeStyle = INK.track;
     ctx.lineWidth = 1.25;
-    ctx.setLineDash(track.state === "confirmed" ? [] : [4, 3]);
+    ctx.setLineDash(track.state === "coasting" ? [4, 3] : []);
     ctx.beginPath();
     // The canvas's y points down, so the angle turns the other way.
     ctx.ellipse(x, y, major * view.scale, minor * view.scale, -angle, 0, 2 * Math.PI);

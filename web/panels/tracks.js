@@ -1,10 +1,16 @@
 import { byId, resizeList, setText } from "../dom.js";
 import { duration, fixed, position } from "../format.js";
 
-/** @import { Track } from "../types.js" */
+/** @import { Occupancy, Track } from "../types.js" */
 
-/** @param {Track[]} tracks */
-export function showTracks(tracks) {
+/**
+ * @param {Track[]} tracks
+ * @param {Occupancy[]} zones
+ */
+export function showTracks(tracks, zones) {
+  const summary = byId("zones");
+  summary.hidden = zones.length === 0;
+  setText(summary, `In zones: ${zones.map(({ name, people }) => `${name} ${people}`).join(", ")}`);
   byId("tracks-none").hidden = tracks.length > 0;
   const list = byId("tracks");
   resizeList(list, tracks.length, item);
