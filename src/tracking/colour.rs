@@ -19,9 +19,10 @@ pub(super) struct Colour {
 }
 
 impl Colour {
-    /// Seen once.
+    /// Seen once; what is not finite was not seen.
     pub fn new(rgb: Rgb) -> Self {
-        Self { mean: rgb, weight: 1.0 }
+        let unknown = Self { mean: [0.0; 3], weight: 0.0 };
+        if rgb.iter().all(|v| v.is_finite()) { Self { mean: rgb, weight: 1.0 } } else { unknown }
     }
 
     /// The mean change of radiance.
@@ -99,5 +100,8 @@ mod tests {
         let before = colour;
         colour.update([f64::NAN, 0.0, 0.0], 0.1);
         assert_eq!(colour, before);
+        let mut unseen = Colour::new([f64::NAN, 0.0, 0.0]);
+        unseen.update([0.5, 0.25, 0.0], 0.1);
+        assert_eq!(unseen, Colour::new([0.5, 0.25, 0.0]));
     }
 }
