@@ -24,7 +24,7 @@ fn seen(k: usize) -> Vec<Detection> {
         Detection { position, covariance, rgb: [-0.02; 3], significance: 80.0 }
     };
     let person = |i: usize| at([-0.9 + 0.6 * i as f64 + 0.1 * t.cos(), 1.0 + 0.5 * (i % 2) as f64 + 0.1 * t.sin()]);
-    (0..4).map(person).chain((k % 15 == 0).then(|| at([1.0 - 0.02 * k as f64 % 2.0, 2.8]))).collect()
+    (0..4).map(person).chain(k.is_multiple_of(15).then(|| at([1.0 - 0.02 * k as f64 % 2.0, 2.8]))).collect()
 }
 
 // The only test in this file: others beside it would be counted too.
