@@ -41,6 +41,11 @@ impl Association {
         &self.partners
     }
 
+    /// Gives one person's detection to another, who has none.
+    pub fn hand_over(&mut self, from: usize, to: usize) {
+        self.partners.swap(from, to);
+    }
+
     /// Whether somebody has this detection.
     pub fn is_taken(&self, detection: usize) -> bool {
         self.taken[detection]

@@ -26,6 +26,8 @@ const FEWEST: u32 = 3;
 const UNNOTED_S: f64 = 0.25;
 /// Two people who pass one another are seen as one for about this long, in seconds.
 const MEETING_S: f64 = 1.0;
+/// Who was noticed this many seconds ago may begin to be seen as one with somebody else.
+const NOTICED_S: f64 = 0.4;
 /// A person who may be anywhere within this many metres (one standard deviation) is lost.
 const LOST_AT_SD_M: f64 = 1.0;
 
@@ -45,6 +47,8 @@ pub(super) struct Person {
     detections: u32,
     first_s: f64,
     last_s: f64,
+    /// When they were last seen, by themselves or as one with another.
+    noticed_s: f64,
 }
 
 impl Person {
@@ -60,6 +64,7 @@ impl Person {
             detections: 1,
             first_s: now_s,
             last_s: now_s,
+            noticed_s: now_s,
         }
     }
 
@@ -81,7 +86,7 @@ impl Person {
             self.score = (self.score + evidence * (seconds / INDEPENDENT_S).min(1.0)).min(SCORE_CAP);
         }
         match other {
-            Some(other) => self.meet(seen, other, seconds),
+            Some(other) => self.meet(seen, other, seconds, now_s),
             None => {
                 self.colour.update(seen.rgb, seconds);
                 self.filter.update(seen.position, &seen.covariance);
@@ -89,14 +94,22 @@ impl Person {
         }
         self.detections += 1;
         self.last_s = now_s;
+        self.noticed_s = now_s;
     }
 
     /// Takes in that this person and another one are seen as one, `seconds` after the last frame.
-    pub fn meet(&mut self, seen: &Detection, other: &Filter, seconds: f64) {
+    pub fn meet(&mut self, seen: &Detection, other: &Filter, seconds: f64, now_s: f64) {
+        self.noticed_s = now_s;
         // Where between them the detection is does not change from frame to frame: as white noise, that has as many times the
         // variance as there are frames in a meeting.
         let frames = (MEETING_S / seconds.max(MEETING_S / 100.0)).max(1.0);
         self.filter.update_shared(seen.position, &seen.covariance, other, frames);
+    }
+
+    /// Whether they may be in somebody else's detection, `seconds` after the last frame: a confirmed person who was seen there a
+    /// moment ago, by themselves or with the other. Who has long been lost may be anywhere, and is not to be found in everyone.
+    pub fn may_meet(&self, seconds: f64, now_s: f64) -> bool {
+        self.confirmed && now_s - self.noticed_s <= seconds.max(NOTICED_S) + ROUNDING_S
     }
 
     /// Takes in that a frame, `seconds` after the last one, does not show them.

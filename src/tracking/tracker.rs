@@ -170,25 +170,43 @@ impl Tracker {
     }
 
     fn update(&mut self, elapsed: f64, detections: &[Detection]) {
-        let Self { people, association, settings, now_s, .. } = self;
-        let partners = association.partners();
-        for (i, partner) in partners.iter().enumerate() {
-            let Some(j) = *partner else {
-                people[i].miss(elapsed, settings);
-                continue;
-            };
-            // Of those who go without one, whoever this detection fits best and nearly as well: it may be of both.
-            let gain = |k: usize| association.gain(k, j);
-            let other = (0..people.len())
-                .filter(|&k| partners[k].is_none() && people[k].confirmed && gain(k) > (gain(i) - MEETING).max(0.0))
-                .reduce(|a, b| if gain(b) > gain(a) { b } else { a });
-            let (mine, others) = (people[i].filter, other.map(|k| people[k].filter));
-            people[i].see(&detections[j], others.as_ref(), elapsed, *now_s);
-            if let Some(k) = other {
-                people[k].meet(&detections[j], &mine, elapsed);
+        for i in 0..self.people.len() {
+            // One detection of two people is evidence of one: the one who was seen last, or both would keep the other up.
+            if let Some((_, k)) = self.meeting(i, elapsed)
+                && self.people[k].unseen_s(self.now_s) < self.people[i].unseen_s(self.now_s)
+            {
+                self.association.hand_over(i, k);
             }
         }
+        for i in 0..self.people.len() {
+            let met = self.meeting(i, elapsed);
+            let Self { people, association, settings, now_s, .. } = self;
+            match (association.partners()[i], met) {
+                (None, _) => people[i].miss(elapsed, settings),
+                (Some(j), None) => people[i].see(&detections[j], None, elapsed, *now_s),
+                (Some(j), Some((_, k))) => {
+                    let (mine, others) = (people[i].filter, people[k].filter);
+                    people[i].see(&detections[j], Some(&others), elapsed, *now_s);
+                    people[k].meet(&detections[j], &mine, elapsed, *now_s);
+                }
+            }
+        }
+        let Self { people, settings, now_s, .. } = self;
         people.retain(|person| !person.is_over(*now_s, settings));
+    }
+
+    /// A person's detection, and who else may be in it: of those who go without one and were there a moment ago, whoever it
+    /// fits best, if that is nearly as well.
+    fn meeting(&self, i: usize, elapsed: f64) -> Option<(usize, usize)> {
+        let Self { people, association, now_s, .. } = self;
+        let partners = association.partners();
+        let j = partners[i]?;
+        let gain = |k: usize| association.gain(k, j);
+        let other = (0..people.len())
+            .filter(|&k| partners[k].is_none() && people[k].may_meet(elapsed, *now_s))
+            .filter(|&k| gain(k) > (gain(i) - MEETING).max(0.0))
+            .reduce(|a, b| if gain(b) > gain(a) { b } else { a })?;
+        people[i].confirmed.then_some((j, other))
     }
 
     /// Begins to follow who is seen inside the room and is nobody that is followed already.

@@ -215,6 +215,33 @@ fn people_who_are_seen_as_one_while_they_pass_keep_their_tracks() {
 }
 
 #[test]
+fn who_stays_is_not_drawn_to_who_has_left() {
+    for beside in [[0.5, 1.6], [0.0, 2.1]] {
+        let (mut exchanged, mut sum) = (0, 0.0);
+        for seed in 0..50 {
+            let (mut tracker, mut noise) = (tracker(), Noise::new(seed));
+            let stays = [0.0, 1.6];
+            let (mut square, mut count) = (0.0, 0);
+            for k in 0..90 {
+                let both = [noise.seen(stays, GREY), noise.seen(beside, GREY)];
+                tracker.step(k as f64 / 15.0, if k < 45 { &both } else { &both[..1] });
+                if k >= 45 {
+                    let near = nearest(&confirmed(&tracker), stays).unwrap();
+                    square += (near.x_m - stays[0]).powi(2) + (near.y_m - stays[1]).powi(2);
+                    count += 1;
+                }
+            }
+            exchanged += usize::from(confirmed(&tracker).len() != 1);
+            sum += square / f64::from(count);
+        }
+        assert_eq!(exchanged, 0, "{beside:?}");
+        // The detections' own error is 0.126 m.
+        let error = (sum / 50.0_f64).sqrt();
+        assert!(error < 0.15, "{beside:?}: {error}");
+    }
+}
+
+#[test]
 fn dropped_frames_change_little() {
     let (mut all, mut half) = (tracker(), tracker());
     let mut noise = Noise::new(9);

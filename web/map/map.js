@@ -141,9 +141,9 @@ export class RoomMap {
     const { ctx, geometry, view, update } = this;
     if (!geometry || !view) return;
     drawRoom(ctx, view, geometry, this.choice.layer);
+    if (update) drawLitFacets(ctx, view, geometry, update.facets, this.choice, this.scale);
     drawZones(ctx, view, geometry.zones ?? [], update?.zones ?? []);
     if (update) {
-      drawLitFacets(ctx, view, geometry, update.facets, this.choice, this.scale);
       this.trails.draw(ctx, view, update.tracks);
       drawTracks(ctx, view, update.tracks);
     }
