@@ -12,7 +12,7 @@ use crate::measurement::{Averager, Averaging, PatchPair};
 use crate::scene::Brightness;
 use crate::solver::Audit;
 use crate::source::{Purpose, RawFrame, SkippedFrame};
-use crate::tracking::{Detection, Prediction};
+use crate::tracking::Detection;
 
 /// The whole way of a frame, from encoded images to an update: the same online and offline.
 pub struct Engine {
@@ -180,31 +180,29 @@ impl Engine {
             update.state = keeper.state();
             update.background = Some(keeper.report());
         }
-        self.follow(frame.seconds, &mut update);
+        let detections = self.follow(frame.seconds, &mut update);
         update.timing_ms.total = ms(start.elapsed());
         self.sequence += 1;
         let difference = scene.is_some().then(|| self.reconstructor.difference().clone());
-        Ok(Published::new(update, scene, difference))
+        Ok(Published { detections, ..Published::new(update, scene, difference) })
     }
 
     /// Who is where, by a map that is of now; nobody is followed through frames without one.
-    fn follow(&mut self, seconds: f64, update: &mut Update) {
-        let Some(people) = &mut self.people else { return };
+    fn follow(&mut self, seconds: f64, update: &mut Update) -> Vec<Detection> {
+        let Some(people) = &mut self.people else { return Vec::new() };
         let start = Instant::now();
-        let report = if update.state == State::Watching {
-            let detections = detect(people.predictions(seconds));
-            people.step(seconds, update.time, &detections)
+        let (detections, report) = if update.state == State::Watching {
+            let elapsed_s = people.elapsed_s(seconds);
+            let detections = self.reconstructor.find(people.predictions(seconds), elapsed_s).to_vec();
+            let report = people.step(seconds, update.time, &detections);
+            (detections, report)
         } else {
-            people.pause(update.time)
+            (Vec::new(), people.pause(update.time))
         };
         (update.tracks, update.events, update.zones) = (report.tracks, report.events, report.zones);
         update.timing_ms.track = ms(start.elapsed());
+        detections
     }
-}
-
-/// Whom a frame shows, given where people are expected: nobody until there are detections.
-fn detect(_expected: impl Iterator<Item = Prediction>) -> Vec<Detection> {
-    Vec::new()
 }
 
 impl Drop for Engine {

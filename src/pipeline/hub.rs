@@ -26,7 +26,7 @@ pub struct Published {
     pub scene: Option<Scene>,
     /// The difference measurement, for pictures; none while learning.
     pub difference: Option<PatchPair>,
-    /// Who is seen in this frame by itself: nobody until there are detections.
+    /// Whom this frame shows by itself.
     pub detections: Vec<Detection>,
     /// When it was published.
     pub at: Instant,

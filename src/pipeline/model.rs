@@ -1,9 +1,12 @@
+use std::sync::OnceLock;
+
 use crate::config::{Config, Lambda, Preset};
 use crate::geometry::{Doorway, FacetGrid, GeometryError, Side};
-use crate::measurement::{PatchPair, edge_foot_mask};
+use crate::measurement::{FanPair, PatchPair, edge_foot_mask};
 use crate::render::ReconstructionPicture;
-use crate::scene::{Brightness, Scene};
+use crate::scene::{Brightness, Neighbourhood, Scene};
 use crate::solver::{Limits, ModelKind};
+use crate::tracking::likelihood::BodyTable;
 use crate::transport::{PatchGrid, PixelLayout, Transport, TransportSpec};
 
 /// Why a configuration and a doorway do not make a model.
@@ -41,6 +44,9 @@ pub enum SetupError {
     },
 }
 
+/// A person's height: near enough for everybody who stands.
+const BODY_HEIGHT_M: f64 = 1.7;
+
 /// Fewer pixels than this cannot tell facets apart.
 const LEAST_PIXELS: usize = 64;
 
@@ -67,6 +73,13 @@ pub struct Model {
     pub lambda_share: f64,
     /// When the solver stops.
     pub limits: Limits,
+    /// Which facets are neighbours.
+    pub neighbourhood: Neighbourhood,
+    /// The pixels that count, gathered by angle.
+    pub fans: FanPair,
+    /// A person's radius, in metres.
+    pub body_radius_m: f64,
+    bodies: OnceLock<BodyTable>,
     /// t of eq. 15, relative to the largest |c|.
     pub unified_threshold: f64,
     /// Which brightness figures show.
@@ -115,7 +128,12 @@ impl Model {
         let spec =
             TransportSpec { kernel: config.transport.kernel, facet_height_m: config.transport.facet_height_m, patch };
         let transport = Transport::new(&doorway, &grid.facets, &spec);
+        let neighbourhood = Neighbourhood::new(&doorway, &grid, config.grid.angular_step_deg.to_radians());
         Ok(Self {
+            neighbourhood,
+            fans: FanPair::new(&doorway, &patch, &counted),
+            body_radius_m: config.tracker.body_radius_m,
+            bodies: OnceLock::new(),
             doorway,
             patch,
             transport,
@@ -129,6 +147,13 @@ impl Model {
             brightness: config.scene.brightness,
             preset: config.preset,
             grid,
+        })
+    }
+
+    /// What people anywhere in the room do to the patches. Worked out when it is first asked for.
+    pub fn bodies(&self) -> &BodyTable {
+        self.bodies.get_or_init(|| {
+            BodyTable::new(&self.doorway, &self.patch, &self.fans, self.body_radius_m, BODY_HEIGHT_M)
         })
     }
 

@@ -34,6 +34,11 @@ impl People {
         self.tracker.predictions(seconds)
     }
 
+    /// Seconds from the last frame to one of that time; none before the first one.
+    pub fn elapsed_s(&self, seconds: f64) -> f64 {
+        self.tracker.seconds().map_or(f64::INFINITY, |last| (seconds - last).max(0.0))
+    }
+
     /// Takes in what a frame shows, at its `seconds` and its time of capture.
     pub(super) fn step(&mut self, seconds: f64, time: Timestamp, detections: &[Detection]) -> PeopleReport {
         self.tracker.step(seconds, detections);

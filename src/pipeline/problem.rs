@@ -9,6 +9,7 @@ use super::texture_reach::{reach_in, texture_reach};
 use crate::config::Lambda;
 use crate::geometry::Side;
 use crate::measurement::{Background, Floor, NoiseModel, PatchPair, drift_patterns};
+use crate::tracking::likelihood::{Finder, Likelihood, LikelihoodSpec};
 use crate::solver::{Admissible, Columns, Correlations, ModelKind, Nuisance, Pixels, Projection, Solver};
 
 /// The inverse problem for one background: built when the empty room is known, used for every frame after.
@@ -18,6 +19,8 @@ pub struct Problem {
     pub projection: Projection,
     /// The Gram system's solver.
     pub solver: Solver,
+    /// Finds people; none with the published model.
+    pub finder: Option<Finder>,
     /// Values of a difference that count: pixels of both patches, times three.
     pub values: usize,
     penalty: Penalty,
@@ -72,7 +75,13 @@ impl Problem {
             Lambda::Auto => Lambda::PUBLISHED,
         };
         let values = 3 * model.counted.iter().flatten().filter(|&&counts| counts).count();
-        Self { solver: Solver::new(projection.gram(), kinds), projection, values, penalty: Penalty::Fixed(lambda) }
+        Self {
+            solver: Solver::new(projection.gram(), kinds),
+            projection,
+            finder: None,
+            values,
+            penalty: Penalty::Fixed(lambda),
+        }
     }
 
     /// Eq. 13 as it is written, in units of the noise, with unit-norm columns and without what exposure, flicker and drift
@@ -97,7 +106,8 @@ impl Problem {
             }
         };
         let values = 3 * weights.iter().flatten().filter(|&&w| w > 0.0).count();
-        Self { projection, solver, values, penalty }
+        let finder = finder(model, background.mean(), &frames, &weights, &floors);
+        Self { projection, solver, finder, values, penalty }
     }
 
     /// λ for a frame whose map is empty from `lambda_max` on.
@@ -181,6 +191,37 @@ fn signed_projection(
     let nuisance = Nuisance::new([[left, left_drift].concat(), [right, right_drift].concat()]);
     let nuisance = nuisance.with_own_pictures(empty.clone());
     Projection::new(&model.transport, &Pixels { weights: weights.clone(), albedo }, &nuisance, Columns::UnitNorm)
+}
+
+/// What finds people in differences from `empty`, which the frames are of.
+fn finder(
+    model: &Model,
+    empty: &PatchPair,
+    frames: &[&PatchPair],
+    weights: &[Vec<f64>; 2],
+    floors: &[Floor; 2],
+) -> Option<Finder> {
+    let levels = || Side::BOTH.into_iter().flat_map(|side| empty.side(side).data()).map(|&v| f64::from(v));
+    let level = levels().sum::<f64>() / levels().count().max(1) as f64;
+    // Even light, and each colour's picture in every colour: exposure, lamps, their colours.
+    let gains = [0, 1].map(|s| {
+        let picture = |c: usize| empty.side(Side::BOTH[s]).plane(c).iter().map(|&v| f64::from(v)).collect::<Vec<f64>>();
+        vec![vec![level; model.patch.pixels()], floors[s].albedo.clone(), picture(0), picture(1), picture(2)]
+    });
+    let [left_drift, right_drift] = drift_patterns(frames, &gains, &used(weights), DRIFT_PATTERNS);
+    let [left, right] = gains;
+    let likelihood = Likelihood::new(&LikelihoodSpec {
+        doorway: &model.doorway,
+        room: &model.grid.room,
+        patch: &model.patch,
+        fans: &model.fans,
+        table: model.bodies(),
+        weights,
+        patterns: [[left, left_drift].concat(), [right, right_drift].concat()],
+        empty: frames,
+        level,
+    })?;
+    Some(Finder::new(model.doorway, likelihood, model.body_radius_m))
 }
 
 /// What something random does to the largest dual norm over the facets: a Gumbel distribution, as maxima have.

@@ -3,8 +3,10 @@ use std::time::{Duration, Instant};
 
 use super::{Model, Problem};
 use crate::measurement::{Background, PatchPair};
-use crate::scene::{Rgb, Scene};
+use crate::scene::{BlobWorkspace, Rgb, Scene};
 use crate::solver::{Audit, Correlations, ProjectionError, Solution, Start, Workspace, audit};
+use crate::tracking::likelihood::Seed;
+use crate::tracking::{Detection, Prediction};
 
 /// The stages from a patch pair to a scene, with what they remember between frames.
 pub struct Reconstructor {
@@ -24,6 +26,8 @@ pub(super) struct Prepared {
     workspace: Workspace,
     solution: Solution,
     refit: Vec<f64>,
+    blobs: BlobWorkspace,
+    seeds: Vec<Seed>,
     /// For looks at other pictures than the frame's.
     aside: (PatchPair, Correlations),
     /// How long all that took to set up.
@@ -76,6 +80,8 @@ impl Prepared {
             workspace: problem.solver.workspace(),
             solution: Solution::default(),
             refit: Vec::new(),
+            blobs: BlobWorkspace::default(),
+            seeds: Vec::new(),
             aside: (difference.clone(), problem.projection.correlations()),
             problem,
             took: start.elapsed(),
@@ -138,6 +144,16 @@ impl Reconstructor {
     pub fn audit(&self, starts: usize) -> Option<Audit> {
         let Prepared { problem, correlations, solution, .. } = self.problem.as_ref()?;
         Some(audit(&problem.solver, correlations, solution.lambda, self.model.limits, starts))
+    }
+
+    /// Whom the last frame shows, `elapsed_s` after the one before, given where people are expected.
+    pub fn find(&mut self, expected: impl Iterator<Item = Prediction>, elapsed_s: f64) -> &[Detection] {
+        let Some(Prepared { problem, solution, blobs, seeds, .. }) = &mut self.problem else { return &[] };
+        let Some(finder) = &mut problem.finder else { return &[] };
+        seeds.clear();
+        let blobs = self.model.neighbourhood.blobs(&solution.intensities, blobs);
+        seeds.extend(blobs.iter().map(|blob| Seed { position: blob.position, strength: blob.strength }));
+        finder.find(&self.difference, expected, seeds, elapsed_s)
     }
 
     /// The last frame's difference measurement (eq. 4).

@@ -1,9 +1,11 @@
 //! What the solution says about the room: the left and right views, and the unified map (paper: section 4.4).
 
+mod blobs;
 mod brightness;
 mod unified;
 mod views;
 
+pub use blobs::{Blob, BlobWorkspace, Neighbourhood};
 pub use brightness::Brightness;
 pub use unified::unify;
 pub use views::{Intensity, Scene, Sign};

@@ -8,6 +8,7 @@ mod colour;
 mod detection;
 mod events;
 mod filter;
+pub mod likelihood;
 mod motion;
 mod person;
 mod track;

@@ -98,6 +98,11 @@ impl Tracker {
         &self.unseen_s
     }
 
+    /// The last frame's seconds; none before the first one.
+    pub fn seconds(&self) -> Option<f64> {
+        self.seconds
+    }
+
     /// Forgets everybody. Ids are not used again.
     pub fn reset(&mut self) {
         self.people.clear();

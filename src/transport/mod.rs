@@ -1,5 +1,6 @@
 //! How light from each facet reaches each floor pixel: the transport matrices A_L and A_R (paper: eq. 2, eq. 12).
 
+mod body;
 mod kernel;
 mod patch;
 mod visibility;
@@ -7,6 +8,7 @@ mod visibility;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
+pub use body::{Body, FloorView};
 pub use kernel::Kernel;
 pub use patch::{PatchGrid, PixelLayout};
 

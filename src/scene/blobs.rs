@@ -1,0 +1,132 @@
+use super::Intensity;
+use crate::geometry::{Biangular, Doorway, FacetGrid, Point};
+
+/// Facets are neighbours while neither of their angles differs by more than this many steps of the grid: with those around
+/// them, corners included, and some room for the half cells at the walls.
+const NEIGHBOURS: f64 = 1.6;
+
+/// A connected part of the unified map: where it shows one change.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Blob {
+    /// Its middle, in metres in the door frame: the mean of its facets' angles, weighted by strength.
+    pub position: Point,
+    /// The sum of min(|c_L|, |c_R|) over its facets.
+    pub strength: f64,
+}
+
+/// Which facets of a grid are neighbours.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Neighbourhood {
+    doorway: Doorway,
+    angles: Vec<Biangular>,
+    neighbours: Vec<Vec<usize>>,
+}
+
+/// Room for finding blobs.
+#[derive(Debug, Clone, Default)]
+pub struct BlobWorkspace {
+    strengths: Vec<f64>,
+    stack: Vec<usize>,
+    blobs: Vec<Blob>,
+}
+
+impl Neighbourhood {
+    /// Of a grid with steps of `step` radians.
+    pub fn new(doorway: &Doorway, grid: &FacetGrid, step: f64) -> Self {
+        let angles: Vec<Biangular> =
+            grid.facets.iter().map(|f| Biangular::from_point(doorway, f.midpoint())).collect();
+        let near = |a: &Biangular, b: &Biangular| {
+            (a.alpha1 - b.alpha1).abs().max((a.alpha2 - b.alpha2).abs()) < NEIGHBOURS * step
+        };
+        let neighbours = (angles.iter().enumerate())
+            .map(|(n, a)| (0..angles.len()).filter(|&m| m != n && near(a, &angles[m])).collect())
+            .collect();
+        Self { doorway: *doorway, angles, neighbours }
+    }
+
+    /// The blobs of a map, strongest first: connected facets that became brighter in both views, or darker in both.
+    pub fn blobs<'a>(&self, intensities: &[Intensity], room: &'a mut BlobWorkspace) -> &'a [Blob] {
+        let BlobWorkspace { strengths, stack, blobs } = room;
+        strengths.clear();
+        strengths.extend(intensities.iter().map(signed_strength));
+        blobs.clear();
+        for start in 0..strengths.len() {
+            let sign = strengths[start].signum();
+            if strengths[start] == 0.0 {
+                continue;
+            }
+            let (mut weight, mut alpha1, mut alpha2) = (0.0, 0.0, 0.0);
+            stack.push(start);
+            while let Some(n) = stack.pop() {
+                let strength = std::mem::take(&mut strengths[n]).abs();
+                weight += strength;
+                alpha1 += strength * self.angles[n].alpha1;
+                alpha2 += strength * self.angles[n].alpha2;
+                stack.extend(self.neighbours[n].iter().copied().filter(|&m| strengths[m] * sign > 0.0));
+            }
+            if weight > 0.0 {
+                let middle = Biangular { alpha1: alpha1 / weight, alpha2: alpha2 / weight };
+                blobs.push(Blob { position: middle.to_point(&self.doorway), strength: weight });
+            }
+        }
+        blobs.sort_by(|a, b| b.strength.total_cmp(&a.strength));
+        blobs
+    }
+}
+
+/// min(|c_L|, |c_R|), negative if both are; 0 if they are not alike.
+fn signed_strength(i: &Intensity) -> f64 {
+    if i.left * i.right > 0.0 { i.left.abs().min(i.right.abs()).copysign(i.left) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::GridSpec;
+
+    const DOOR: Doorway = Doorway { width_m: 0.5, wall_thickness_m: 0.0, height_m: None };
+
+    fn grid() -> (FacetGrid, Neighbourhood) {
+        let grid = FacetGrid::new(&DOOR, &GridSpec::published()).unwrap();
+        let neighbourhood = Neighbourhood::new(&DOOR, &grid, 4.0_f64.to_radians());
+        (grid, neighbourhood)
+    }
+
+    fn nearest(grid: &FacetGrid, point: Point) -> usize {
+        let distance = |n: &usize| {
+            let [x, y] = grid.facets[*n].midpoint();
+            (x - point[0]).hypot(y - point[1])
+        };
+        (0..grid.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap()
+    }
+
+    #[test]
+    fn what_is_connected_is_one_blob_and_what_is_apart_are_several() {
+        let (grid, neighbourhood) = grid();
+        let mut intensities = vec![Intensity::default(); grid.len()];
+        let colour = [1.0, 0.0, 0.0];
+        let middle = nearest(&grid, [0.0, 1.0]);
+        for &n in neighbourhood.neighbours[middle].iter().chain([&middle]) {
+            intensities[n] = Intensity { left: -1.0, right: -2.0, colour };
+        }
+        intensities[nearest(&grid, [0.8, 1.5])] = Intensity { left: 0.5, right: 0.4, colour };
+        intensities[nearest(&grid, [-0.8, 1.5])] = Intensity { left: 0.5, right: -0.4, colour };
+        let mut room = BlobWorkspace::default();
+        let blobs = neighbourhood.blobs(&intensities, &mut room);
+        assert_eq!(blobs.len(), 2, "{blobs:?}");
+        assert_eq!(blobs[0].strength, 1.0 + neighbourhood.neighbours[middle].len() as f64);
+        let [x, y] = grid.facets[middle].midpoint();
+        assert!((blobs[0].position[0] - x).hypot(blobs[0].position[1] - y) < 0.15, "{blobs:?}");
+        assert_eq!(blobs[1].strength, 0.4);
+        // Brighter beside darker is another blob.
+        intensities[middle].left = 1.0;
+        intensities[middle].right = 2.0;
+        assert_eq!(neighbourhood.blobs(&intensities, &mut room).len(), 3);
+    }
+
+    #[test]
+    fn every_facet_has_neighbours() {
+        let (grid, neighbourhood) = grid();
+        assert!((0..grid.len()).all(|n| !neighbourhood.neighbours[n].is_empty()));
+    }
+}

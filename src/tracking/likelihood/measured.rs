@@ -1,0 +1,166 @@
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::BodyTable;
+use super::whitened::Whitened;
+use crate::geometry::{Doorway, Room, Side};
+use crate::measurement::{FanPair, PatchPair};
+use crate::transport::{FloorView, PatchGrid};
+
+/// Smooth changes of the walls' light: half waves from wall to wall, and the constant.
+const MODES: usize = 10;
+/// How strong the first of them may be: standard deviation, as a share of the floor's level. The k-th: 1/k of it.
+const MODE_SHARE: f64 = 0.3;
+/// Height of the room, for these.
+const ROOM_HEIGHT_M: f64 = 2.4;
+/// Standard deviation of what may be of any strength, in units of what it is in full: more than it ever is.
+const ANY_STRENGTH: f64 = 2.0;
+/// Pixels of a fan's cell that one floor point stands for.
+const GROUP: usize = 6;
+
+/// What a likelihood is made of.
+pub struct LikelihoodSpec<'a> {
+    /// The doorway.
+    pub doorway: &'a Doorway,
+    /// The room.
+    pub room: &'a Room,
+    /// The patches.
+    pub patch: &'a PatchGrid,
+    /// How their pixels are gathered.
+    pub fans: &'a FanPair,
+    /// What bodies do to them.
+    pub table: &'a BodyTable,
+    /// Per side and pixel, one over the noise's standard deviation; 0 where there is none to be had.
+    pub weights: &'a [Vec<f64>; 2],
+    /// Per side, patterns over the pixels that may be in a difference at any strength, as strong as they could be at most.
+    pub patterns: [Vec<Vec<f64>>; 2],
+    /// Frames of the empty room, or none.
+    pub empty: &'a [&'a PatchPair],
+    /// The empty room's level, relative to full scale.
+    pub level: f64,
+}
+
+/// Turns differences into numbers with independent noise of unit variance, and bodies into what they do to these.
+#[derive(Debug, Clone)]
+pub struct Likelihood {
+    fans: FanPair,
+    /// Per side, what whitens: of as many rows and columns as the fan has cells.
+    whiten: [DMatrix<f32>; 2],
+    pub(super) bodies: Whitened,
+    /// The level of the empty room: the scale of radiances.
+    pub(super) level: f64,
+}
+
+/// A difference, whitened.
+#[derive(Debug, Clone)]
+pub struct Measured {
+    means: [DVector<f32>; 2],
+    /// Per side and colour.
+    pub(super) values: [[DVector<f32>; 3]; 2],
+    /// Their squares' sum.
+    pub(super) energy: f64,
+    /// How many they are.
+    pub(super) count: f64,
+}
+
+/// In how many directions noise of the empty room is more than white noise where there are no frames to tell: compression
+/// and interpolation.
+const COLOURED: f64 = 4.0;
+/// Frames of the empty room from which on they tell.
+const ENOUGH: usize = 4;
+
+impl Likelihood {
+    /// Builds what is needed for every frame. None if noise and patterns leave nothing.
+    pub fn new(spec: &LikelihoodSpec<'_>) -> Option<Self> {
+        let whiten = [whitening(spec, 0)?, whitening(spec, 1)?];
+        let bodies = Whitened::new(spec.table, &whiten);
+        let mut likelihood = Self { fans: spec.fans.clone(), whiten, bodies, level: spec.level };
+        let excess = likelihood.excess(spec.empty).unwrap_or(COLOURED).max(1.0).sqrt().recip() as f32;
+        likelihood.whiten.iter_mut().for_each(|m| *m *= excess);
+        likelihood.bodies.scale(excess);
+        Some(likelihood)
+    }
+
+    /// Room for a frame.
+    pub fn room(&self) -> Measured {
+        let zeros = |s: usize| DVector::zeros(self.whiten[s].nrows());
+        Measured {
+            means: [zeros(0), zeros(1)],
+            values: [0, 1].map(|s| [zeros(s), zeros(s), zeros(s)]),
+            energy: 0.0,
+            count: 3.0 * (self.whiten[0].nrows() + self.whiten[1].nrows()) as f64,
+        }
+    }
+
+    /// Whitens a difference.
+    pub fn measure(&self, difference: &PatchPair, out: &mut Measured) {
+        out.energy = 0.0;
+        for (s, (fan, patch)) in self.fans.with(difference).into_iter().enumerate() {
+            for c in 0..3 {
+                fan.means_into(patch.plane(c), out.means[s].as_mut_slice());
+                out.values[s][c].gemv(1.0, &self.whiten[s], &out.means[s], 0.0);
+                out.energy += f64::from(out.values[s][c].norm_squared());
+            }
+        }
+    }
+
+    /// The variance of the empty room's own frames, which is 1 for white noise.
+    fn excess(&self, empty: &[&PatchPair]) -> Option<f64> {
+        if empty.len() < ENOUGH {
+            return None;
+        }
+        let mut mean = PatchPair::zeros(empty[0].left.size());
+        for side in Side::BOTH {
+            for (k, value) in mean.side_mut(side).data_mut().iter_mut().enumerate() {
+                *value = empty.iter().map(|frame| frame.side(side).data()[k]).sum::<f32>() / empty.len() as f32;
+            }
+        }
+        let mut difference = mean.clone();
+        let mut measured = self.room();
+        let energy: f64 = empty
+            .iter()
+            .map(|frame| {
+                frame.subtract(&mean, &mut difference);
+                self.measure(&difference, &mut measured);
+                measured.energy
+            })
+            .sum();
+        Some(energy / (measured.count * (empty.len() - 1) as f64))
+    }
+}
+
+/// The inverse of the lower Cholesky factor of noise, patterns and smooth light of the walls, cell by cell.
+fn whitening(spec: &LikelihoodSpec<'_>, s: usize) -> Option<DMatrix<f32>> {
+    let fan = spec.fans.sides()[s];
+    let weights = &spec.weights[s];
+    // A mean of n values has 1/n² of their variances' sum; a pixel without a weight counts as one of the noisiest.
+    let least = weights.iter().copied().filter(|&w| w > 0.0).fold(f64::INFINITY, f64::min);
+    let variance = |k: usize| weights[k].max(least).powi(-2);
+    let noise: Vec<f64> = (fan.means(variance).into_iter().zip(fan.counts())).map(|(v, &n)| v / f64::from(n)).collect();
+    let mut covariance = DMatrix::from_diagonal(&DVector::from_vec(noise));
+    let mut add = |cells: DVector<f64>, variance: f64| covariance.ger(variance, &cells, &cells, 1.0);
+    for pattern in &spec.patterns[s] {
+        add(DVector::from_vec(fan.means(|k| pattern[k])), ANY_STRENGTH.powi(2));
+    }
+    for (k, mode) in wall_modes(spec, s).into_iter().enumerate() {
+        add(mode, (MODE_SHARE * spec.level / k.max(1) as f64).powi(2));
+    }
+    let lower = Cholesky::new(covariance)?.unpack();
+    let identity = DMatrix::identity(fan.len(), fan.len());
+    let inverse = lower.solve_lower_triangular(&identity)?;
+    inverse.iter().all(|v| v.is_finite()).then(|| inverse.map(|v| v as f32))
+}
+
+/// What smooth light of the walls does to each cell, mode by mode.
+fn wall_modes(spec: &LikelihoodSpec<'_>, s: usize) -> Vec<DVector<f64>> {
+    let fan = spec.fans.sides()[s];
+    let mut modes = vec![DVector::zeros(fan.len()); MODES];
+    let mut light = [0.0; MODES];
+    let points = spec.patch.points(spec.doorway, Side::BOTH[s]);
+    for (cell, (group, &n)) in fan.groups(&points, GROUP).into_iter().zip(fan.counts()).enumerate() {
+        for (point, weight) in group {
+            FloorView::new(spec.doorway, point).walls(spec.doorway, spec.room, ROOM_HEIGHT_M, &mut light);
+            modes.iter_mut().zip(light).for_each(|(mode, light)| mode[cell] += weight * light / f64::from(n));
+        }
+    }
+    modes
+}
