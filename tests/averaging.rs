@@ -5,7 +5,7 @@ mod live_room;
 use doorcam::config::Config;
 use doorcam::measurement::Averaging;
 use doorcam::pipeline::{Published, State};
-use doorcam::simulation::direct::Cylinder;
+use doorcam::simulation::luminous::direct::Cylinder;
 use doorcam::source::Purpose;
 use live_room::{Camera, change, config, lit, person, scenario, states};
 

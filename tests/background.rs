@@ -3,8 +3,8 @@
 mod live_room;
 
 use doorcam::pipeline::{FacetReport, Published, State};
-use doorcam::simulation::direct::Cylinder;
-use doorcam::simulation::{Renderer, Scenario};
+use doorcam::simulation::luminous::direct::Cylinder;
+use doorcam::simulation::luminous::{Renderer, Scenario};
 use live_room::{Camera, config, lit, person, rooms, scenario, states};
 
 fn share_lit(updates: &[Published]) -> f64 {

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use doorcam::config::{Config, Preset};
 use doorcam::pipeline::{Engine, FrameReader, Model, Published, Reconstructor};
 use doorcam::scene::Brightness;
-use doorcam::simulation::{Scenario, write_recording};
+use doorcam::simulation::luminous::{Scenario, write_recording};
 use doorcam::source::recording::Recording;
 use doorcam::transport::PatchGrid;
 use jiff::Timestamp;

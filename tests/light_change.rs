@@ -8,7 +8,7 @@ use std::sync::Arc;
 use doorcam::config::Config;
 use doorcam::measurement::PatchPair;
 use doorcam::pipeline::{Engine, FrameReader, Model, Reconstructor, State, Work};
-use doorcam::simulation::{Renderer, Scenario};
+use doorcam::simulation::luminous::{Renderer, Scenario};
 use doorcam::source::Purpose;
 use doorcam::source::recording::Recording;
 use jiff::Timestamp;

@@ -7,8 +7,8 @@ use doorcam::geometry::{Biangular, Doorway, Facet, Point, Side};
 use doorcam::measurement::{Background, PatchPair};
 use doorcam::pipeline::{Model, Problem, Reconstruction, Reconstructor};
 use doorcam::scene::Intensity;
-use doorcam::simulation::direct::Cylinder;
-use doorcam::simulation::{Renderer, Scenario, Sensor};
+use doorcam::simulation::luminous::direct::Cylinder;
+use doorcam::simulation::luminous::{Renderer, Scenario, Sensor};
 use doorcam::solver::ModelKind;
 use rand_distr::{Distribution, StandardNormal};
 

@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use doorcam::analysis::{BENCH_FRAMES, BenchReport, Quantiles, bench};
-use doorcam::simulation::{Scenario, write_recording};
+use doorcam::simulation::luminous::{Scenario, write_recording};
 use doorcam::source::recording::{Entry, Recording};
 use doorcam::source::{Purpose, RawFrame};
 

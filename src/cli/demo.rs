@@ -1,67 +1,53 @@
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::Context;
 use doorcam::config::Config;
-use doorcam::simulation::{Scenario, write_recording};
 use doorcam::source::{Pace, ReplayOptions};
 
-use super::progress;
-use super::serve::serve_recording;
+use super::serve::{serve_recording, serve_simulation};
+use super::simulate;
+use super::source::Simulated;
 
 /// Show a simulated doorway, live, with the page: no camera needed
 ///
-/// Two simulated people walk through a simulated room; a recording of the floor in front of its doorway is made and
-/// replayed again and again.
+/// Simulated people walk through a simulated room, round after round, and a simulated camera looks at the floor in front of
+/// its doorway.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   doorcam demo
-  doorcam demo --listen 0.0.0.0:8000
-  doorcam demo --only-record walk && doorcam reconstruct walk --output pictures")]
+  doorcam demo busy-doorway --listen 0.0.0.0:8000
+  doorcam demo --only-record walk && doorcam reconstruct walk --output pictures
+
+`doorcam simulate --list` shows the scenarios.")]
 pub(super) struct Arguments {
+    /// What to show: a scenario's name or a TOML file
+    #[arg(default_value = "two-crossing")]
+    scenario: String,
     /// Address and port of the page [default: 127.0.0.1:8080]
     #[arg(long, value_name = "ADDR:PORT")]
     listen: Option<SocketAddr>,
-    /// Make the recording in DIR and leave it there, rather than in a temporary directory
+    /// Make a recording of one round in DIR first, replay it again and again and leave it there
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
-    /// Write the recording to DIR and stop
+    /// Write a recording of one round to DIR and stop
     #[arg(long, value_name = "DIR", conflicts_with_all = ["keep", "listen"])]
     only_record: Option<PathBuf>,
-    /// Seed of the noise: the same seed gives the same recording
+    /// Seed of the noise: the same seed gives the same frames
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    if let Some(directory) = arguments.only_record.as_ref() {
-        return record(directory, arguments.seed);
+    let Arguments { scenario, listen, keep, only_record, seed } = arguments;
+    if let Some(directory) = only_record {
+        return simulate::write(scenario, directory, *seed, None);
     }
-    // Held until the end: it is removed when it goes.
-    let temporary;
-    let directory = match &arguments.keep {
-        Some(directory) => directory.clone(),
-        None => {
-            temporary = tempfile::Builder::new().prefix("doorcam-").tempdir().context("no temporary directory")?;
-            temporary.path().join("demo")
-        }
-    };
-    record(&directory, arguments.seed)?;
-    let looped = ReplayOptions { pace: Pace::Recorded, looped: true };
-    serve_recording(&Config::default(), &directory, looped, "demo", arguments.listen)
-}
-
-fn record(directory: &Path, seed: u64) -> anyhow::Result<()> {
-    let frames = Scenario::DEMO_FRAMES;
-    tracing::info!("simulating {frames} frames of a doorway in {}", directory.display());
-    let progress = progress(frames);
-    let written = write_recording(&Scenario::demo(), directory, frames, seed, || progress.inc(1));
-    progress.finish_and_clear();
-    written?;
-    tracing::info!(
-        "recording in {}: two people, not on the reconstruction's grid, known in truth.json",
-        directory.display()
-    );
-    Ok(())
+    if let Some(directory) = keep {
+        simulate::write(scenario, directory, *seed, None)?;
+        let looped = ReplayOptions { pace: Pace::Recorded, looped: true };
+        return serve_recording(&Config::default(), directory, looped, "demo", *listen);
+    }
+    let simulated = Simulated { scenario: scenario.clone(), seed: *seed, pace: Pace::Recorded, once: false };
+    serve_simulation(&Config::default(), &simulated, "demo", *listen)
 }

@@ -10,6 +10,7 @@ mod import;
 mod reconstruct;
 mod record;
 mod serve;
+mod simulate;
 mod source;
 
 use std::io::IsTerminal;
@@ -47,6 +48,7 @@ enum Command {
     Reconstruct(reconstruct::Arguments),
     Evaluate(evaluate::Arguments),
     Record(record::Arguments),
+    Simulate(simulate::Arguments),
     Import(import::Arguments),
     #[cfg(feature = "v4l2")]
     Devices(devices::Arguments),
@@ -103,6 +105,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Record(arguments) => record::run(&arguments),
+        Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         #[cfg(feature = "v4l2")]
         Command::Devices(arguments) => devices::run(&arguments),
@@ -144,16 +147,25 @@ fn open_recording(path: &Path) -> anyhow::Result<doorcam::source::recording::Rec
 }
 
 /// The frame reader and the model of a recording; errors name its manifest.
-fn engine(
+fn engine_of(
     config: &Config,
     recording: &doorcam::source::recording::Recording,
     warm_start: bool,
 ) -> anyhow::Result<(doorcam::pipeline::Engine, std::sync::Arc<doorcam::pipeline::Model>)> {
+    engine(config, &recording.manifest, || recording.path.join("recording.json").display().to_string(), warm_start)
+}
+
+/// The frame reader and the model for what a manifest describes; errors begin with what `named` says.
+fn engine(
+    config: &Config,
+    manifest: &doorcam::source::recording::Manifest,
+    named: impl Fn() -> String,
+    warm_start: bool,
+) -> anyhow::Result<(doorcam::pipeline::Engine, std::sync::Arc<doorcam::pipeline::Model>)> {
     use doorcam::pipeline::{Engine, FrameReader, Model, People, Reconstructor};
 
-    let named = || recording.path.join("recording.json").display().to_string();
-    let reader = FrameReader::for_recording(config, &recording.manifest).with_context(named)?;
-    let doorway = recording.manifest.doorway;
+    let reader = FrameReader::for_recording(config, manifest).with_context(&named)?;
+    let doorway = manifest.doorway;
     let model = Model::new(config, doorway, reader.patch(), reader.seen()).with_context(named)?;
     let model = std::sync::Arc::new(model);
     let engine = Engine::new(reader, Reconstructor::new(std::sync::Arc::clone(&model), warm_start));

@@ -10,7 +10,7 @@ use doorcam::source::Purpose;
 use doorcam::source::recording::Entry;
 use jiff::{SignedDuration, Timestamp};
 
-use super::{ModelOptions, engine, open_recording, progress};
+use super::{ModelOptions, engine_of, open_recording, progress};
 
 /// Reconstruct a recording's frames: one update a line on stdout, pictures in a directory
 ///
@@ -66,7 +66,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if entries.iter().all(|e| recording.purpose(e.index) == Purpose::Background) {
         bail!("{}: no frame to reconstruct after background_frames", recording.path.display());
     }
-    let (mut engine, model) = engine(&config, &recording, false)?;
+    let (mut engine, model) = engine_of(&config, &recording, false)?;
     let pictures = arguments.output.as_deref().map(|dir| Pictures::new(dir, &recording.path)).transpose()?;
     let progress = progress(entries.len() as u64);
     let mut skipped = 0;

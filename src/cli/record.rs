@@ -14,7 +14,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::open_recording;
-use super::source::{self, SourceKind, SourceSpec};
+use super::simulate;
+use super::source::{self, Simulated, SourceKind, SourceSpec};
 
 /// Record a camera, or a recording, into a directory that replays
 ///
@@ -107,6 +108,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     match &arguments.source.kind {
         SourceKind::Replay(directory, options) => replay(arguments, directory, *options, limits, &interrupted),
         SourceKind::Camera(name) => camera(arguments, name, limits, &interrupted),
+        SourceKind::Simulate(simulated) => simulation(arguments, simulated, limits, &interrupted),
     }
 }
 
@@ -147,6 +149,24 @@ fn replay(
     let plan = RecordingPlan { manifest, empty_seconds: arguments.empty_seconds, calibrated: true, limits };
     let mut recorder = Recorder::start(&arguments.out, plan)?;
     let mut source = Replay::new(recording, options, SystemClock::default());
+    record(&mut source, &mut recorder, Narrator::default(), None, interrupted)
+}
+
+/// Every frame of one round, at the simulation's pace.
+fn simulation(
+    arguments: &Arguments,
+    simulated: &Simulated,
+    limits: Limits,
+    interrupted: &AtomicBool,
+) -> anyhow::Result<()> {
+    if arguments.calibration.is_some() || arguments.uncalibrated {
+        bail!("{}: a simulated camera brings its own calibration", arguments.source.text);
+    }
+    let simulator = simulate::simulator(&simulated.scenario, simulated.seed)?;
+    let manifest = simulator.manifest().clone();
+    let plan = RecordingPlan { manifest, empty_seconds: arguments.empty_seconds, calibrated: true, limits };
+    let mut recorder = Recorder::start(&arguments.out, plan)?;
+    let mut source = simulate::live(simulator, simulated.pace, true);
     record(&mut source, &mut recorder, Narrator::default(), None, interrupted)
 }
 

@@ -12,8 +12,8 @@ use doorcam::source::{Replay, ReplayOptions, Source, SystemClock};
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use tokio::signal::unix::{SignalKind, signal};
 
-use super::source::{self, SourceKind, SourceSpec};
-use super::{ModelOptions, engine, open_recording};
+use super::source::{self, Simulated, SourceKind, SourceSpec};
+use super::{ModelOptions, engine, engine_of, open_recording, simulate};
 
 /// Watch a doorway and show the hidden room live, on a page and over REST and WebSocket
 #[derive(Debug, clap::Args)]
@@ -22,6 +22,7 @@ use super::{ModelOptions, engine, open_recording};
 Examples:
   doorcam serve --source v4l2:/dev/video0
   doorcam serve --source replay:recordings/lab-0,loop --preset published
+  doorcam serve --source simulate:two-crossing
   and open http://127.0.0.1:8080", source::HELP))]
 pub(super) struct Arguments {
     /// Where frames come from
@@ -60,6 +61,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let watch = match kind {
         SourceKind::Replay(directory, options) => replay(&config, directory, *options, text, file)?,
         SourceKind::Camera(name) => camera(&config, name, text, file)?,
+        SourceKind::Simulate(simulated) => simulation(&config, simulated, text, file)?,
     };
     serve(&config, watch, arguments.listen)
 }
@@ -73,6 +75,35 @@ pub(super) fn serve_recording(
     listen: Option<SocketAddr>,
 ) -> anyhow::Result<()> {
     serve(config, replay(config, directory, options, spec, None)?, listen)
+}
+
+/// Shows a simulated doorway to whoever connects, until interrupted.
+pub(super) fn serve_simulation(
+    config: &Config,
+    simulated: &Simulated,
+    spec: &str,
+    listen: Option<SocketAddr>,
+) -> anyhow::Result<()> {
+    serve(config, simulation(config, simulated, spec, None)?, listen)
+}
+
+fn simulation(config: &Config, simulated: &Simulated, spec: &str, file: Option<&Path>) -> anyhow::Result<Watch> {
+    if let Some(file) = file {
+        bail!("{}: a simulated camera brings its own calibration", file.display());
+    }
+    let simulator = simulate::simulator(&simulated.scenario, simulated.seed)?;
+    let manifest = simulator.manifest().clone();
+    let calibration = Calibration::of_recording(&manifest);
+    let (engine, _) = engine(config, &manifest, || simulated.scenario.clone(), true)?;
+    let info = SourceInfo { spec: spec.into(), kind: "simulate", notes: manifest.notes.clone(), fps: manifest.fps };
+    Ok(Watch {
+        source: Box::new(simulate::live(simulator, simulated.pace, simulated.once)),
+        engine: Some(engine.rolling(&config.background, None)),
+        setup: Setup::new(config.clone()),
+        calibration,
+        keeping: Keeping::Fixed("a simulated camera brings its own calibration".into()),
+        info,
+    })
 }
 
 fn replay(
@@ -104,7 +135,7 @@ fn replay(
         kept.apply_to(&mut recording.manifest);
     }
     let recording = Arc::new(recording);
-    let (engine, _) = engine(config, &recording, true)?;
+    let (engine, _) = engine_of(config, &recording, true)?;
     let engine = engine.rolling(&config.background, None);
     let info = SourceInfo {
         spec: spec.into(),

@@ -8,7 +8,9 @@ pub(super) const HELP: &str = "\
 Sources:
   v4l2:/dev/video0               a camera, by its node
   v4l2:NAME                      a camera, by its stable name or its card's name (doorcam devices lists them)
-  replay:DIR[,loop][,rate=max]   a recording: at its own pace or as fast as it goes, once or for ever";
+  replay:DIR[,loop][,rate=max]   a recording: at its own pace or as fast as it goes, once or for ever
+  simulate:SCENARIO[,seed=N][,once][,rate=max]
+                                 a simulated doorway (doorcam simulate --list), round after round or once";
 
 /// Where frames come from.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,6 +26,19 @@ pub(super) enum SourceKind {
     Replay(PathBuf, ReplayOptions),
     /// `v4l2:NAME`
     Camera(String),
+    /// `simulate:SCENARIO[,seed=N][,once][,rate=max]`
+    Simulate(Simulated),
+}
+
+/// A simulated doorway.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Simulated {
+    /// Name or file of the scenario.
+    pub(super) scenario: String,
+    pub(super) seed: u64,
+    pub(super) pace: Pace,
+    /// Whether to end after a round.
+    pub(super) once: bool,
 }
 
 impl FromStr for SourceSpec {
@@ -34,10 +49,11 @@ impl FromStr for SourceSpec {
             Some(("replay", rest)) => replay(rest)?,
             Some(("v4l2", "")) => return Err("expected a camera after v4l2:, such as v4l2:/dev/video0".into()),
             Some(("v4l2", name)) => SourceKind::Camera(name.into()),
+            Some(("simulate", rest)) => simulate(rest)?,
             _ => {
-                return Err(
-                    "expected v4l2:CAMERA or replay:DIR[,loop][,rate=max]; the simulator is not built yet".into()
-                );
+                return Err("expected v4l2:CAMERA, replay:DIR[,loop][,rate=max] or \
+                     simulate:SCENARIO[,seed=N][,once][,rate=max]"
+                    .into());
             }
         };
         Ok(Self { text: text.into(), kind })
@@ -62,6 +78,28 @@ fn replay(rest: &str) -> Result<SourceKind, String> {
     Ok(SourceKind::Replay(directory.into(), options))
 }
 
+fn simulate(rest: &str) -> Result<SourceKind, String> {
+    let mut simulated = Simulated { scenario: String::new(), seed: 1, pace: Pace::Recorded, once: false };
+    let mut scenario = rest;
+    while let Some((before, option)) = scenario.rsplit_once(',') {
+        match option.split_once('=') {
+            None if option == "once" => simulated.once = true,
+            None if option == "loop" => simulated.once = false,
+            Some(("rate", "max")) => simulated.pace = Pace::Max,
+            Some(("seed", seed)) => {
+                simulated.seed =
+                    seed.parse().map_err(|_| format!("seed={seed}: expected a whole number of 0 or above"))?;
+            }
+            _ => break,
+        }
+        scenario = before;
+    }
+    if scenario.is_empty() {
+        return Err("expected a scenario after simulate:, such as simulate:two-crossing".into());
+    }
+    Ok(SourceKind::Simulate(Simulated { scenario: scenario.into(), ..simulated }))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -76,8 +114,15 @@ mod tests {
         assert_eq!(read("replay:a,b,loop"), replay("a,b", Pace::Recorded, true));
         assert_eq!(read("v4l2:/dev/video0"), Ok(SourceKind::Camera("/dev/video0".into())));
         assert_eq!(read("v4l2:Maker: Cam"), Ok(SourceKind::Camera("Maker: Cam".into())));
+        let simulated = |scenario: &str, seed, pace, once| {
+            Ok(SourceKind::Simulate(Simulated { scenario: scenario.into(), seed, pace, once }))
+        };
+        assert_eq!(read("simulate:two-crossing"), simulated("two-crossing", 1, Pace::Recorded, false));
+        assert_eq!(read("simulate:a,b.toml,seed=7,once,rate=max"), simulated("a,b.toml", 7, Pace::Max, true));
+        assert_eq!(read("simulate:x,seed=y"), Err("seed=y: expected a whole number of 0 or above".into()));
+        assert!(read("simulate:").unwrap_err().contains("expected a scenario"));
         assert!(read("v4l2:").unwrap_err().contains("expected a camera"));
         assert!(read("replay:").unwrap_err().contains("expected a directory"));
-        assert!(read("webcam").unwrap_err().contains("expected v4l2:CAMERA or replay:DIR"));
+        assert!(read("webcam").unwrap_err().contains("expected v4l2:CAMERA, replay:DIR"));
     }
 }

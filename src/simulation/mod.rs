@@ -1,24 +1,34 @@
-//! A doorway whose truth is known: recordings made by evaluating eq. 2 directly, not by the reconstruction's own matrix.
+//! A doorway whose truth is known, rendered without the reconstruction's own matrix (docs/simulator.md).
 //!
-//! The reconstruction knows flat facets on a grid. Here the hidden room is continuous: walls are segments, people are
-//! vertical cylinders anywhere, and each floor point integrates over azimuth what it sees through the opening
-//! ([`direct`]). What shows and how it moves is a [`Scenario`]; [`write_recording`] makes a recording of it, noise and
-//! truth included.
+//! The reconstruction knows flat facets on a grid. Here the hidden room is continuous: lamps light walls with panels on them, the
+//! ceiling and people anywhere, who throw shadows and hide walls, lamps and each other; what of it is seen through the opening
+//! lights the floor, which a camera with noise looks at. A [`Scenario`] says what there is and how it moves, a [`Simulator`]
+//! makes any frame of it, [`record_simulation`] a recording with truth, [`LiveSimulation`] a live source.
 //!
-//! All surfaces are self-luminous. There are no lamps, no shadows but those of the opening and of people in front of
-//! something, and no light that bounces: a person adds light where in most real rooms one takes light away.
+//! [`luminous`] is a plainer world for tests.
 
-pub mod direct;
+mod check;
+mod exposure;
+mod figure;
+mod floor;
+mod lamp;
+mod light;
+mod live;
+pub mod luminous;
 mod quadrature;
 mod recording;
-mod renderer;
+mod room;
 mod scenario;
-mod sensor;
+mod simulator;
+mod view;
 mod walk;
 
+pub use live::{LiveOptions, LiveSimulation};
 pub use quadrature::Quadrature;
-pub use recording::{SimulationError, write_recording};
-pub use renderer::Renderer;
-pub use scenario::{Person, Scenario};
-pub use sensor::Sensor;
+pub use recording::{SimulationError, record_simulation};
+pub use scenario::{
+    CameraSpec, FlickerSpec, FloorSpec, FrameFormat, LampKind, LampSpec, PanelSpec, PersonSpec, RoomAlbedo, RoomSpec,
+    Scenario, ScenarioError, VisibleSpec, WallName,
+};
+pub use simulator::Simulator;
 pub use walk::Walk;

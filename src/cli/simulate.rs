@@ -1,0 +1,86 @@
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{Context, bail};
+use doorcam::simulation::{LiveOptions, LiveSimulation, Scenario, Simulator, record_simulation};
+use doorcam::source::{Pace, SystemClock};
+
+use super::progress;
+
+/// Render a simulated doorway into a recording with truth
+///
+/// Lamps light a hidden room with people in it; what falls through the doorway lights the floor, which a camera with noise, an
+/// exposure and JPEGs looks at. Where everybody is is written to OUT/truth.json. The same seed gives the same files.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+SCENARIO is one of those that --list shows, or a TOML file; config/scenarios has commented ones to start from, and
+docs/simulator.md describes every key.
+
+Examples:
+  doorcam simulate --list
+  doorcam simulate two-crossing walk
+  doorcam simulate my-hall.toml hall --seed 7 --frames 300
+  doorcam reconstruct walk --output pictures
+  doorcam serve --source simulate:two-crossing          the same, live and without files")]
+pub(super) struct Arguments {
+    /// What to show: a name or a TOML file
+    #[arg(required_unless_present = "list")]
+    scenario: Option<String>,
+    /// Where to write; a directory that is empty or not there yet
+    #[arg(required_unless_present = "list")]
+    out: Option<PathBuf>,
+    /// Seed of the noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// So many frames from the start on; beyond the scenario's end it begins again [default: one round of the scenario]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    frames: Option<u64>,
+    /// List the scenarios that come with doorcam
+    #[arg(long, conflicts_with_all = ["scenario", "out", "frames"])]
+    list: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    if arguments.list {
+        return list();
+    }
+    let (Some(scenario), Some(out)) = (&arguments.scenario, &arguments.out) else {
+        bail!("expected SCENARIO and OUT");
+    };
+    write(scenario, out, arguments.seed, arguments.frames)
+}
+
+fn list() -> anyhow::Result<()> {
+    let names = Scenario::names();
+    let width = names.iter().map(String::len).max().unwrap_or(0);
+    for name in &names {
+        let Scenario { description, duration_s, fps, .. } = Scenario::load(name)?;
+        println!("{name:<width$}  {description} ({duration_s} s, {fps} frames a second)");
+    }
+    Ok(())
+}
+
+/// Writes a recording of a scenario.
+pub(super) fn write(scenario: &str, out: &std::path::Path, seed: u64, frames: Option<u64>) -> anyhow::Result<()> {
+    doorcam::source::recorder::RecordingWriter::check_free(out)?;
+    let simulator = simulator(scenario, seed)?;
+    let frames = frames.unwrap_or(simulator.scenario().frames());
+    tracing::info!("simulating {frames} frames of {scenario} in {}", out.display());
+    let progress = progress(frames);
+    let written = record_simulation(&simulator, out, frames, || progress.inc(1));
+    progress.finish_and_clear();
+    written?;
+    let (first, description) = (simulator.scenario().background_frames(), &simulator.scenario().description);
+    tracing::info!("recording in {}: {description}; the first {first} frames show the empty room", out.display());
+    Ok(())
+}
+
+/// A scenario, ready to make frames; errors name it.
+pub(super) fn simulator(scenario: &str, seed: u64) -> anyhow::Result<Simulator> {
+    Simulator::new(Scenario::load(scenario)?, seed).map_err(anyhow::Error::msg).with_context(|| scenario.to_owned())
+}
+
+/// A scenario as a source.
+pub(super) fn live(simulator: Simulator, pace: Pace, once: bool) -> LiveSimulation<SystemClock> {
+    LiveSimulation::new(Arc::new(simulator), LiveOptions { pace, once }, SystemClock::default())
+}
