@@ -143,8 +143,18 @@ fn wrong_usage_is_status_2() {
 fn help_names_every_command_and_its_purpose() {
     let output = run(&["--help"]);
     let help = String::from_utf8(output.stdout).unwrap();
-    for word in ["demo", "serve", "reconstruct", "evaluate", "record", "import", "bench", "check-config", "Exit status"]
-    {
+    for word in [
+        "demo",
+        "serve",
+        "reconstruct",
+        "evaluate",
+        "record",
+        "simulate",
+        "import",
+        "bench",
+        "check-config",
+        "Exit status",
+    ] {
         assert!(help.contains(word), "{word}: {help}");
     }
 }

@@ -152,9 +152,8 @@ impl Model {
 
     /// What people anywhere in the room do to the patches. Worked out when it is first asked for.
     pub fn bodies(&self) -> &BodyTable {
-        self.bodies.get_or_init(|| {
-            BodyTable::new(&self.doorway, &self.patch, &self.fans, self.body_radius_m, BODY_HEIGHT_M)
-        })
+        self.bodies
+            .get_or_init(|| BodyTable::new(&self.doorway, &self.patch, &self.fans, self.body_radius_m, BODY_HEIGHT_M))
     }
 
     /// What to draw of a scene that this model found.

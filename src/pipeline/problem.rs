@@ -9,8 +9,8 @@ use super::texture_reach::{reach_in, texture_reach};
 use crate::config::Lambda;
 use crate::geometry::Side;
 use crate::measurement::{Background, Floor, NoiseModel, PatchPair, drift_patterns};
-use crate::tracking::likelihood::{Finder, Likelihood, LikelihoodSpec};
 use crate::solver::{Admissible, Columns, Correlations, ModelKind, Nuisance, Pixels, Projection, Solver};
+use crate::tracking::likelihood::{Finder, Likelihood, LikelihoodSpec};
 
 /// The inverse problem for one background: built when the empty room is known, used for every frame after.
 #[derive(Debug, Clone)]

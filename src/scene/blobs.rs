@@ -33,8 +33,7 @@ pub struct BlobWorkspace {
 impl Neighbourhood {
     /// Of a grid with steps of `step` radians.
     pub fn new(doorway: &Doorway, grid: &FacetGrid, step: f64) -> Self {
-        let angles: Vec<Biangular> =
-            grid.facets.iter().map(|f| Biangular::from_point(doorway, f.midpoint())).collect();
+        let angles: Vec<Biangular> = grid.facets.iter().map(|f| Biangular::from_point(doorway, f.midpoint())).collect();
         let near = |a: &Biangular, b: &Biangular| {
             (a.alpha1 - b.alpha1).abs().max((a.alpha2 - b.alpha2).abs()) < NEIGHBOURS * step
         };

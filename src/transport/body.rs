@@ -70,8 +70,7 @@ impl FloorView {
             let distance = if beside > 0.0 { beside.min(behind) } else { behind };
             let wall = [self.point[0] + distance * sine, self.point[1] + distance * cosine];
             let azimuth = wall[0].atan2(wall[1]) + std::f64::consts::FRAC_PI_2;
-            let light =
-                0.5 * width * share(height_m, distance * distance).min(self.lintel(doorway, cosine * cosine));
+            let light = 0.5 * width * share(height_m, distance * distance).min(self.lintel(doorway, cosine * cosine));
             modes.iter_mut().enumerate().for_each(|(k, mode)| *mode += light * (k as f64 * azimuth).cos());
         }
     }

@@ -56,7 +56,15 @@ pub(super) struct Candidate {
 impl Candidate {
     pub fn at(place: Place, prior: Option<Prior>) -> Self {
         let place = BodyTable::clamp(place);
-        Self { place, widening: 0.0, prior, radiance: [[0.0; 3]; 2], significance: 0.0, evidence: 0.0, information: Matrix2::zeros() }
+        Self {
+            place,
+            widening: 0.0,
+            prior,
+            radiance: [[0.0; 3]; 2],
+            significance: 0.0,
+            evidence: 0.0,
+            information: Matrix2::zeros(),
+        }
     }
 }
 
@@ -106,11 +114,7 @@ impl Refiner {
             let zeros = || vec![0.0; likelihood.bodies.values(s)];
             (0..MOST_PEOPLE).map(|_| std::array::from_fn(|_| zeros())).collect()
         };
-        Self {
-            bodies: [bodies(0), bodies(1)],
-            products: [SMatrix::zeros(); 2],
-            measured: [SMatrix::zeros(); 2],
-        }
+        Self { bodies: [bodies(0), bodies(1)], products: [SMatrix::zeros(); 2], measured: [SMatrix::zeros(); 2] }
     }
 
     /// Moves people to where they explain a measurement best, all at once: Gauss and Newton's steps on the places, with the
@@ -208,7 +212,8 @@ impl Refiner {
             misfit -= right.dot(&solved);
             solved
         });
-        let surprise = people.iter().filter_map(|p| p.prior.map(|prior| (p.place.minus(prior.place), prior.information)));
+        let surprise =
+            people.iter().filter_map(|p| p.prior.map(|prior| (p.place.minus(prior.place), prior.information)));
         let surprise: f64 = surprise.map(|(away, information)| away.dot(&(information * away))).sum();
         let surprise = surprise + people.iter().map(|p| (p.widening / RADIUS_SPREAD).powi(2)).sum::<f64>();
         Fit { radiances, radiance, prior: (together, apart), misfit, surprise }
@@ -273,7 +278,8 @@ impl Refiner {
                 (0..3).map(|c| of(c).dot(&(inverse * of(c)))).sum::<f64>() / noise
             });
             // The prior's and the posterior's volume, per colour: the closer to the door, the smaller the second.
-            person.evidence = person.significance - 3.0 * (prior_determinant / (noise * block).determinant().max(f64::MIN_POSITIVE)).ln();
+            person.evidence = person.significance
+                - 3.0 * (prior_determinant / (noise * block).determinant().max(f64::MIN_POSITIVE)).ln();
             let all = places.and_then(|p| p.fixed_view::<2, 2>(SHAPE * k, SHAPE * k).into_owned().try_inverse());
             let prior = person.prior.map_or(Matrix2::zeros(), |prior| prior.information);
             person.information = all.map_or(Matrix2::zeros(), |all| all - prior);

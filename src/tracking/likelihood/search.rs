@@ -178,7 +178,8 @@ fn prior(prediction: &Prediction) -> Option<Prior> {
     let place = Place::from_point(prediction.position);
     let jacobian = place.jacobian();
     let information = jacobian.transpose() * Matrix2::new(xx, xy, yx, yy).try_inverse()? * jacobian;
-    (jacobian.iter().chain(&information).all(|v| v.is_finite()) && place.log_range > -3.0).then_some(Prior { place, information })
+    (jacobian.iter().chain(&information).all(|v| v.is_finite()) && place.log_range > -3.0)
+        .then_some(Prior { place, information })
 }
 
 /// What a frame alone says about a person: with the prior that led there taken out again.

@@ -33,13 +33,7 @@ impl Whitened {
 
     /// A body of unit radiance at a place, as the patch of one side shows it, of a radius that differs by a factor from the
     /// table's (`widening`: its log), and the derivatives by azimuth, log range and log radius.
-    pub fn body(
-        &self,
-        s: usize,
-        at: Place,
-        widening: f64,
-        [value, by_azimuth, by_range, by_radius]: [&mut [f32]; 4],
-    ) {
+    pub fn body(&self, s: usize, at: Place, widening: f64, [value, by_azimuth, by_range, by_radius]: [&mut [f32]; 4]) {
         value.fill(0.0);
         by_azimuth.fill(0.0);
         by_range.fill(0.0);
