@@ -26,7 +26,7 @@ Examples:
   doorcam bench
   doorcam bench recordings/lab-0 --preset published --json")]
 pub(super) struct Arguments {
-    /// The recording's directory [default: the scene of `doorcam demo`, simulated in a temporary directory]
+    /// The recording's directory [default: patches of a room of luminous walls and people, simulated in a temporary directory]
     recording: Option<PathBuf>,
     /// One JSON object on stdout instead of a table
     #[arg(long)]
