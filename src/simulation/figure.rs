@@ -1,3 +1,5 @@
+use std::f64::consts::{PI, TAU};
+
 use super::lamp::Lamp;
 use super::room::Vector;
 use crate::geometry::Point;
@@ -43,7 +45,7 @@ impl Figure {
             let albedo = self.albedo[k];
             self.radiance[k] = (0..AROUND * UP)
                 .map(|place| {
-                    let turn = (place / UP) as f64 / AROUND as f64 * std::f64::consts::TAU;
+                    let turn = (place / UP) as f64 / AROUND as f64 * TAU;
                     let normal = [turn.cos(), turn.sin(), 0.0];
                     let z = (place % UP) as f64 / (UP - 1) as f64 * part.top;
                     let at: Vector =
@@ -56,23 +58,37 @@ impl Figure {
                             (0..3).for_each(|c| light[c] += lamp.intensity[c] * seen);
                         }
                     }
-                    [0, 1, 2].map(|c| albedo[c] / std::f64::consts::PI * light[c])
+                    [0, 1, 2].map(|c| albedo[c] / PI * light[c])
                 })
                 .collect();
         }
     }
 
-    /// Radiance of a part at a place of its surface, seen from the centre along `normal` (unit), at height z.
-    pub(super) fn radiance(&self, part: usize, normal: Point, z: f64) -> Rgb {
-        let turn = normal[1].atan2(normal[0]).rem_euclid(std::f64::consts::TAU) / std::f64::consts::TAU * AROUND as f64;
-        let (i, a) = (turn as usize % AROUND, turn.fract());
-        let up = (z / self.parts[part].top).clamp(0.0, 1.0) * (UP - 1) as f64;
+    /// What is seen of a part along a vertical line of its surface, `normal` (unit) being the direction to it from the axis.
+    pub(super) fn column(&self, part: usize, normal: Point) -> Column<'_> {
+        let turn = normal[1].atan2(normal[0]).rem_euclid(TAU) / TAU * AROUND as f64;
+        let line = |i: usize| &self.radiance[part][i % AROUND * UP..][..UP];
+        let i = turn as usize;
+        Column { lines: [line(i), line(i + 1)], beside: turn.fract(), top: self.parts[part].top }
+    }
+}
+
+/// Radiance along a vertical line, between two that are known.
+pub(super) struct Column<'a> {
+    lines: [&'a [Rgb]; 2],
+    beside: f64,
+    top: f64,
+}
+
+impl Column<'_> {
+    /// Radiance at height z.
+    pub(super) fn at(&self, z: f64) -> Rgb {
+        let up = (z / self.top).clamp(0.0, 1.0) * (UP - 1) as f64;
         let j = (up as usize).min(UP - 2);
-        let b = up - j as f64;
-        let at = |i: usize, j: usize| self.radiance[part][i % AROUND * UP + j];
-        let corners = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
-        let weights = [(1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b];
-        [0, 1, 2].map(|c| corners.iter().zip(weights).map(|(corner, weight)| corner[c] * weight).sum())
+        let (a, b) = (self.beside, up - j as f64);
+        let [near, far] = self.lines;
+        let between = |low: f64, high: f64, t: f64| low + (high - low) * t;
+        [0, 1, 2].map(|c| between(between(near[j][c], near[j + 1][c], b), between(far[j][c], far[j + 1][c], b), a))
     }
 }
 

@@ -163,6 +163,27 @@ impl FloorMap {
         node >= self.inside
     }
 
+    /// The nodes that the values at some places hang on.
+    pub(super) fn nodes_of(&self, places: impl Iterator<Item = Tap>) -> Vec<bool> {
+        let mut values = vec![false; self.fine_inside + INSIDE[0] * INSIDE[1] + 2];
+        for Tap { base, stride, .. } in places {
+            [base, base + 1, base + stride, base + stride + 1].iter().for_each(|&k| values[k as usize] = true);
+        }
+        let mut nodes = vec![false; self.nodes.len()];
+        for fan in self.fans.iter().flatten() {
+            for angle in 0..=ANGLES {
+                for (k, (first, _)) in fan.cubics.iter().enumerate() {
+                    if values[fan.fine_start + angle * fan.fine.len() + k] {
+                        nodes[fan.start + angle * fan.coarse.len() + first..][..4].fill(true);
+                    }
+                }
+            }
+        }
+        let inside = nodes.len() - self.inside;
+        nodes[self.inside..].copy_from_slice(&values[self.fine_inside..][..inside]);
+        nodes
+    }
+
     /// Values for [`Tap::of`] from the nodes': finer along the fans' rays, and two zeros.
     pub(super) fn refine(&self, nodes: &[[f64; 3]]) -> Vec<[f32; 3]> {
         let mut values = Vec::with_capacity(self.fine_inside + INSIDE[0] * INSIDE[1] + 2);

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::Quadrature;
 use super::figure::{Figure, Part};
-use super::floor::{FloorMap, FloorNode};
+use super::floor::{FloorMap, FloorNode, Tap};
 use super::lamp::{Lamp, below};
 use super::room::{Shell, Taps};
 use super::scenario::Scenario;
@@ -16,7 +16,7 @@ const AZIMUTHS: f64 = 45.0;
 const ELEVATIONS: usize = 14;
 /// Nodes for each interval of azimuth in which a ray meets the same people; elevations of what they hide and show.
 const NODES: usize = 4;
-const STEPS: usize = 4;
+const STEPS: usize = 3;
 /// A lamp seen from the floor is at least this large in radians, the step of a fan's angle: a smaller one would show the steps.
 const LEAST_LAMP: f64 = 0.012;
 
@@ -46,6 +46,8 @@ pub(super) struct RoomLight {
     /// Per lamp, node by node: its direct light for an intensity of 1.
     seen: Vec<Vec<f64>>,
     rule: Quadrature,
+    /// The nodes that somebody looks at.
+    needed: Vec<bool>,
 }
 
 impl RoomLight {
@@ -69,7 +71,9 @@ impl RoomLight {
             empty: Vec::new(),
             seen: Vec::new(),
             rule: Quadrature::new(NODES),
+            needed: Vec::new(),
         };
+        light.needed = vec![true; light.floor.nodes.len()];
         let mut transport = std::mem::take(&mut light.transport);
         transport.par_chunks_mut(count).zip(&light.floor.nodes).for_each(|(row, node)| light.sum_transport(node, row));
         light.transport = transport;
@@ -81,6 +85,11 @@ impl RoomLight {
 
     pub(super) fn floor(&self) -> &FloorMap {
         &self.floor
+    }
+
+    /// From now on people change only the light at these places: nobody looks at others.
+    pub(super) fn look_only_at(&mut self, places: impl Iterator<Item = Tap>) {
+        self.needed = self.floor.nodes_of(places);
     }
 
     /// The light on the floor with each lamp at its level, as [`FloorMap::refine`] has it.
@@ -95,7 +104,8 @@ impl RoomLight {
         if !people.is_empty() {
             self.light_people(levels, &mut people);
             let radiance = self.radiance(levels, &people);
-            nodes.par_iter_mut().enumerate().for_each_init(Hits::default, |hits, (k, node)| {
+            let needed = nodes.par_iter_mut().enumerate().filter(|(k, _)| self.needed[*k]);
+            needed.for_each_init(Hits::default, |hits, (k, node)| {
                 let change = self.change(k, levels, &people, &radiance, hits);
                 (0..3).for_each(|c| node[c] += change[c]);
             });
@@ -150,7 +160,7 @@ impl RoomLight {
             .collect();
         let shadows = both.iter().enumerate().filter(|(_, (_, lacks))| lacks.iter().any(|&l| l > 0.0));
         Radiance {
-            shadows: shadows.map(|(k, (_, lacks))| (k, lacks.map(|l| l as f32))).collect(),
+            shadows: shadows.map(|(k, (_, [r, g, b]))| (k, [*r as f32, *g as f32, *b as f32, 0.0])).collect(),
             texels: both.iter().map(|(light, _)| *light).collect(),
         }
     }
@@ -159,12 +169,12 @@ impl RoomLight {
     fn change(&self, k: usize, levels: &[f64], people: &[Figure], radiance: &Radiance, hits: &mut Hits) -> Rgb {
         let node = &self.floor.nodes[k];
         let row = &self.transport[k * self.shell.texels.len()..][..self.shell.texels.len()];
-        let mut lacks = [0.0_f32; 3];
+        let mut lacks = [0.0_f32; 4];
         for (texel, shadow) in &radiance.shadows {
             let weight = row[*texel];
-            (0..3).for_each(|c| lacks[c] += weight * shadow[c]);
+            (0..4).for_each(|c| lacks[c] += weight * shadow[c]);
         }
-        let mut change = lacks.map(|l| -f64::from(l));
+        let mut change = [0, 1, 2].map(|c| -f64::from(lacks[c]));
         for ((lamp, seen), level) in self.lamps.iter().zip(&self.seen).zip(levels) {
             let direct = level * seen[k];
             if direct > 0.0 {
@@ -228,10 +238,11 @@ impl RoomLight {
             let figure = &people[who];
             let Part { centre, radius, .. } = figure.parts[part];
             let normal = [(at[0] - centre[0]) / radius, (at[1] - centre[1]) / radius];
+            let column = figure.column(part, normal);
             let step = (top - covered) / STEPS as f64;
             for j in 0..STEPS {
                 let s = covered + (j as f64 + 0.5) * step;
-                let shown = figure.radiance(part, normal, distance * (s / (1.0 - s)).sqrt());
+                let shown = column.at(distance * (s / (1.0 - s)).sqrt());
                 (0..3).for_each(|c| light[c] += 0.5 * step * shown[c]);
             }
             covered = top;
@@ -334,7 +345,8 @@ impl RoomLight {
 struct Radiance {
     texels: Vec<Rgb>,
     /// Texels in somebody's shadow, and what they would shine more without it.
-    shadows: Vec<(usize, [f32; 3])>,
+    /// The fourth number is 0: four are quicker to add than three.
+    shadows: Vec<(usize, [f32; 4])>,
 }
 
 impl Radiance {

@@ -44,8 +44,9 @@ impl Simulator {
     /// Works out what does not move, which takes up to a second. The error names the key at fault, not the file.
     pub fn new(scenario: Scenario, seed: u64) -> Result<Self, String> {
         let manifest = manifest(&scenario, seed)?;
-        let light = RoomLight::new(&scenario);
+        let mut light = RoomLight::new(&scenario);
         let view = View::of(&scenario.camera, &scenario.doorway, &scenario.floor, light.floor());
+        light.look_only_at(view.pixels.iter().flat_map(|pixel| pixel.taps));
         let exposure = Exposure::new(&scenario.camera, scenario.flicker);
         let walks = scenario.person.iter().map(Scenario::walk).collect();
         let mut simulator =

@@ -140,3 +140,16 @@ fn people_darken_the_floor_by_some_percent_in_every_scenario_that_has_them() {
         assert!(mean.iter().filter(|&&m| m < 0.0).count() >= 2, "{name}: {mean:?}");
     }
 }
+
+/// Leaving out what the camera does not see changes nothing of what it sees.
+#[test]
+fn nodes_that_no_pixel_needs_may_be_left_out() {
+    let simulator = simulator(with_person, 1);
+    let all = RoomLight::new(simulator.scenario());
+    let people = || simulator.figures_at(1.0);
+    let (some, all) = (simulator.light.light(&[1.0], people()), all.light(&[1.0], people()));
+    assert_ne!(some, all);
+    for pixel in &simulator.view.pixels {
+        assert_eq!(pixel.taps.map(|tap| tap.of(&some)), pixel.taps.map(|tap| tap.of(&all)));
+    }
+}
