@@ -31,6 +31,8 @@ const NOTICED_S: f64 = 0.4;
 /// A person who may be anywhere within this many metres (one standard deviation) is lost.
 const LOST_AT_SD_M: f64 = 1.0;
 
+/// Who is followed may be this far beyond where people begin to be, in metres.
+const OUT_M: f64 = 0.2;
 /// Times are sums of differences of the frames' times: rounding must not cost or add a frame.
 const ROUNDING_S: f64 = 1e-6;
 
@@ -130,7 +132,9 @@ impl Person {
     /// Whether to stop following.
     pub fn is_over(&self, now_s: f64, settings: &TrackerSettings) -> bool {
         let unseen_s = now_s - self.last_s;
-        let gone = unseen_s > 0.0 && !settings.holds(self.filter.position());
+        // Who was there may well be seen to go a step beyond the walls; nobody begins there.
+        let gone =
+            unseen_s > 0.0 && !settings.holds_within(self.filter.position(), if self.confirmed { OUT_M } else { 0.0 });
         let lost = unseen_s > 0.0 && self.filter.position_sd_m() > LOST_AT_SD_M;
         let given_up = if self.confirmed { self.score <= 0.0 } else { self.score <= GIVEN_UP_AT };
         gone || lost || given_up || unseen_s >= settings.coast_s - ROUNDING_S

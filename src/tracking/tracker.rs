@@ -33,9 +33,14 @@ pub struct TrackerSettings {
 
 impl TrackerSettings {
     /// Whether a person can be there.
-    pub fn holds(&self, [x, y]: Point) -> bool {
-        x.abs() <= self.room.half_width_m + self.margin_m
-            && (-self.margin_m..=self.room.depth_m + self.margin_m).contains(&y)
+    pub fn holds(&self, point: Point) -> bool {
+        self.holds_within(point, 0.0)
+    }
+
+    /// The same with so many metres more around.
+    pub fn holds_within(&self, [x, y]: Point, more_m: f64) -> bool {
+        let margin_m = self.margin_m + more_m;
+        x.abs() <= self.room.half_width_m + margin_m && (-margin_m..=self.room.depth_m + margin_m).contains(&y)
     }
 }
 

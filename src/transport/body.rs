@@ -85,3 +85,69 @@ impl FloorView {
 fn share(height: f64, distance2: f64) -> f64 {
     height * height / (distance2 + height * height)
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The light of a body or of the walls, summed ray by ray over azimuth and elevation; a ray passes if it crosses both faces
+    /// between the edges and below the lintel.
+    fn literal(doorway: &Doorway, [px, py]: Point, radiance: impl Fn(f64, f64) -> Option<(f64, f64)>) -> f64 {
+        const AZIMUTHS: usize = 4000;
+        const ELEVATIONS: usize = 400;
+        let (da, de) = (std::f64::consts::PI / AZIMUTHS as f64, std::f64::consts::FRAC_PI_2 / ELEVATIONS as f64);
+        let mut sum = 0.0;
+        for a in (0..AZIMUTHS).map(|k| (k as f64 + 0.5) * da - std::f64::consts::FRAC_PI_2) {
+            let crosses = |face: f64| (px + (face - py) * a.tan()).abs() < doorway.half_width();
+            if !crosses(0.0) || !crosses(-doorway.wall_thickness_m) {
+                continue;
+            }
+            let Some((light, top)) = radiance(a.sin(), a.cos()) else { continue };
+            for e in (0..ELEVATIONS).map(|k| (k as f64 + 0.5) * de) {
+                let at_lintel = doorway.height_m.is_none_or(|h| -py / a.cos() * e.tan() < h);
+                if e.tan() < top && at_lintel {
+                    sum += light * e.sin() * e.cos() * de * da;
+                }
+            }
+        }
+        sum
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        #[test]
+        fn bodies_and_walls_equal_sums_over_rays(
+            width_m in 0.4..1.0f64, wall_thickness_m in 0.0..0.2f64, lintel in prop::option::of(1.9..2.2f64),
+            px in -0.6..0.6f64, depth in 0.02..0.3f64, x in -1.2..1.2f64, y in 0.6..2.8f64, radius_m in 0.1..0.3f64,
+        ) {
+            let doorway = Doorway { width_m, wall_thickness_m, height_m: lintel };
+            let point = [px, -wall_thickness_m - depth];
+            let view = FloorView::new(&doorway, point);
+            let body = Body { centre: [x, y], radius_m, height_m: 1.7 };
+            let (dx, dy) = (x - px, y - point[1]);
+            let distance = dx.hypot(dy);
+            let summed = literal(&doorway, point, |sine, cosine| {
+                let beside = (dx * cosine - dy * sine).abs();
+                (beside < radius_m && dx * sine + dy * cosine > 0.0).then_some((1.0, 1.7 / distance))
+            });
+            let whole = 0.5 * 2.0 * radius_m / distance * share(1.7, distance * distance);
+            prop_assert!((view.body(&doorway, &body) - summed).abs() < 0.03 * whole + 1e-4, "{summed}");
+
+            let room = Room { half_width_m: 1.5, depth_m: 3.0 };
+            let mut modes = [0.0; 4];
+            view.walls(&doorway, &room, 2.4, &mut modes);
+            for (k, &mode) in modes.iter().enumerate() {
+                let summed = literal(&doorway, point, |sine, cosine| {
+                    let side = if sine == 0.0 { f64::INFINITY } else { (1.5_f64.copysign(sine) - px) / sine };
+                    let distance = side.min((3.0 - point[1]) / cosine);
+                    let wall = [px + distance * sine, point[1] + distance * cosine];
+                    let azimuth = wall[0].atan2(wall[1]) + std::f64::consts::FRAC_PI_2;
+                    Some(((k as f64 * azimuth).cos(), 2.4 / distance))
+                });
+                prop_assert!((mode - summed).abs() < 0.01 * modes[0].abs() + 1e-3, "mode {k}: {mode} {summed}");
+            }
+        }
+    }
+}

@@ -14,7 +14,7 @@ use doorcam::source::recording::{Entry, Recording};
 use doorcam::source::truth::Truth;
 
 use super::reconstruct::recording_time;
-use super::{ModelOptions, engine, open_recording, progress};
+use super::{ModelOptions, engine_of, open_recording, progress};
 
 /// Score tracks against the truth of recordings: a table, JSON, pictures of the paths
 ///
@@ -148,7 +148,7 @@ fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Resu
 
 /// Takes the frames of a recording as if they were live; `each` is told of every update after the background.
 fn reconstruct(config: &Config, recording: &Recording, mut each: impl FnMut(&Published)) -> anyhow::Result<()> {
-    let (mut engine, _) = engine(config, recording, true)?;
+    let (mut engine, _) = engine_of(config, recording, true)?;
     let entries: Vec<&Entry> =
         recording.frames.iter().filter(|e| recording.purpose(e.index) != Purpose::Before).collect();
     let progress = progress(entries.len() as u64);

@@ -43,7 +43,7 @@ impl BodyTable {
                 .collect();
             let mut columns = vec![0.0; cells.len() * AZIMUTHS * RANGES];
             columns.par_chunks_mut(cells.len().max(1)).enumerate().for_each(|(node, column)| {
-                let body = Body { centre: place(node).point(), radius_m, height_m };
+                let body = Body { centre: Self::place(node).point(), radius_m, height_m };
                 for ((value, cell), &n) in column.iter_mut().zip(&cells).zip(fan.counts()) {
                     let sum: f64 = cell.iter().map(|(view, weight)| weight * view.body(doorway, &body)).sum();
                     *value = (sum / f64::from(n)) as f32;
@@ -58,6 +58,14 @@ impl BodyTable {
             wider
         });
         Self { columns: table, by_radius, cells: fans.sides().map(|fan| fan.len()) }
+    }
+
+    /// The place of that number.
+    pub(super) fn place(number: usize) -> Place {
+        Place {
+            azimuth: (number % AZIMUTHS) as f64 * AZIMUTH_STEP - std::f64::consts::FRAC_PI_2,
+            log_range: NEAREST + (number / AZIMUTHS) as f64 * RANGE_STEP,
+        }
     }
 
     /// The nearest place that the table holds with all that interpolation needs.
@@ -83,14 +91,6 @@ impl BodyTable {
             let weights = [a * r, da / AZIMUTH_STEP * r, a * dr / RANGE_STEP];
             ((row - 1 + i) * AZIMUTHS + column - 1 + j, weights.map(|w| w as f32))
         })
-    }
-}
-
-/// The place of a node of the table.
-fn place(node: usize) -> Place {
-    Place {
-        azimuth: (node % AZIMUTHS) as f64 * AZIMUTH_STEP - std::f64::consts::FRAC_PI_2,
-        log_range: NEAREST + (node / AZIMUTHS) as f64 * RANGE_STEP,
     }
 }
 

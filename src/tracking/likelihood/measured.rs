@@ -1,6 +1,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::BodyTable;
+use super::place::Place;
 use super::whitened::Whitened;
 use crate::geometry::{Doorway, Room, Side};
 use crate::measurement::{FanPair, PatchPair};
@@ -9,7 +10,9 @@ use crate::transport::{FloorView, PatchGrid};
 /// Smooth changes of the walls' light: half waves from wall to wall, and the constant.
 const MODES: usize = 10;
 /// How strong the first of them may be: standard deviation, as a share of the floor's level. The k-th: 1/k of it.
-const MODE_SHARE: f64 = 0.3;
+const MODE_SHARE: f64 = 0.15;
+/// How far beyond the walls that are known bodies may be, in metres: rooms are not measured to the centimetre.
+const BEYOND_M: f64 = 0.2;
 /// Height of the room, for these.
 const ROOM_HEIGHT_M: f64 = 2.4;
 /// Standard deviation of what may be of any strength, in units of what it is in full: more than it ever is.
@@ -48,6 +51,7 @@ pub struct Likelihood {
     pub(super) bodies: Whitened,
     /// The level of the empty room: the scale of radiances.
     pub(super) level: f64,
+    walls: Room,
 }
 
 /// A difference, whitened.
@@ -73,11 +77,20 @@ impl Likelihood {
     pub fn new(spec: &LikelihoodSpec<'_>) -> Option<Self> {
         let whiten = [whitening(spec, 0)?, whitening(spec, 1)?];
         let bodies = Whitened::new(spec.table, &whiten);
-        let mut likelihood = Self { fans: spec.fans.clone(), whiten, bodies, level: spec.level };
+        let mut likelihood = Self { fans: spec.fans.clone(), whiten, bodies, level: spec.level, walls: *spec.room };
         let excess = likelihood.excess(spec.empty).unwrap_or(COLOURED).max(1.0).sqrt().recip() as f32;
         likelihood.whiten.iter_mut().for_each(|m| *m *= excess);
         likelihood.bodies.scale(excess);
         Some(likelihood)
+    }
+
+    /// The nearest place along the same azimuth that is in the room, as far as walls are known.
+    pub(super) fn inside(&self, place: Place) -> Place {
+        let place = BodyTable::clamp(place);
+        let [x, y] = place.point();
+        let room = &self.walls;
+        let beyond = (x.abs() / (room.half_width_m + BEYOND_M)).max(y / (room.depth_m + BEYOND_M));
+        BodyTable::clamp(Place { log_range: place.log_range - beyond.max(1.0).ln(), ..place })
     }
 
     /// Room for a frame.

@@ -10,6 +10,8 @@ mod measured;
 mod place;
 mod refine;
 mod search;
+#[cfg(test)]
+mod tests;
 mod whitened;
 
 pub use body_table::BodyTable;
@@ -17,4 +19,4 @@ pub use measured::{Likelihood, LikelihoodSpec, Measured};
 pub use search::{Finder, Seed};
 
 /// People that are looked for at once at most.
-pub const MOST_PEOPLE: usize = 8;
+pub const MOST_PEOPLE: usize = 6;

@@ -18,13 +18,16 @@ const RADIANCE: f64 = 3.0;
 /// By how much that differs from edge to edge.
 const BETWEEN_EDGES: f64 = 0.5;
 /// Steps at most.
-const STEPS: usize = 6;
+const STEPS: usize = 5;
 /// A step is at most so long: in radians, in the log of the distance and in that of the radius.
 const LONGEST: [f64; SHAPE] = [0.1, 0.15, 0.1];
 /// How people's radii differ: standard deviation of the log.
-const RADIUS_SPREAD: f64 = 0.15;
+const RADIUS_SPREAD: f64 = 0.07;
 /// A shorter step is the last.
 const SHORTEST: f64 = 1e-3;
+
+/// A step that gains less (in twice the log likelihood) is the last.
+const LEAST_GAIN: f64 = 0.02;
 
 type Radiances = SMatrix<f64, R, R>;
 type Shapes = SMatrix<f64, P, P>;
@@ -47,6 +50,8 @@ pub(super) struct Candidate {
     pub radiance: [Rgb; 2],
     /// How much better the measurement is explained with this person than without, in units of the noise's variance.
     pub significance: f64,
+    /// The same by one edge alone, the one that shows this person less.
+    pub weaker: f64,
     /// Twice the log of the evidence for this person: the same, less what radiances that fit by chance would reach.
     pub evidence: f64,
     /// What the measurement alone, given the others, says about the place: the inverse of its covariance.
@@ -62,6 +67,7 @@ impl Candidate {
             prior,
             radiance: [[0.0; 3]; 2],
             significance: 0.0,
+            weaker: 0.0,
             evidence: 0.0,
             information: Matrix2::zeros(),
         }
@@ -144,14 +150,15 @@ impl Refiner {
             for (k, person) in people.iter_mut().enumerate() {
                 let [a, r, w] = [0, 1, 2].map(|j| step[SHAPE * k + j].clamp(-LONGEST[j], LONGEST[j]));
                 longest = longest.max(a.abs()).max(r.abs());
-                person.place = BodyTable::clamp(person.place.plus(Vector2::new(a, r)));
+                person.place = likelihood.inside(person.place.plus(Vector2::new(a, r)));
                 person.widening = (person.widening + w).clamp(-3.0 * RADIUS_SPREAD, 3.0 * RADIUS_SPREAD);
             }
             let next = self.fit(likelihood, frame, people);
-            if objective(&next) <= before {
+            let gained = before - objective(&next);
+            if gained >= 0.0 {
                 fit = next;
                 damping = (damping * 0.2_f64).max(1e-4);
-                if longest < SHORTEST {
+                if longest < SHORTEST || gained < LEAST_GAIN {
                     break;
                 }
             } else {
@@ -277,6 +284,8 @@ impl Refiner {
                 let of = |c: usize| Vector2::from_fn(|i, _| fit.radiance[c][both[i]]);
                 (0..3).map(|c| of(c).dot(&(inverse * of(c)))).sum::<f64>() / noise
             });
+            let by_edge = |s: usize| person.radiance[s].iter().map(|r| r * r).sum::<f64>() / (noise * block[(s, s)]);
+            person.weaker = by_edge(0).min(by_edge(1));
             // The prior's and the posterior's volume, per colour: the closer to the door, the smaller the second.
             person.evidence = person.significance
                 - 3.0 * (prior_determinant / (noise * block).determinant().max(f64::MIN_POSITIVE)).ln();

@@ -8,22 +8,26 @@ use crate::measurement::PatchPair;
 use crate::tracking::{Covariance, Detection, Prediction};
 
 /// Evidence (twice a log likelihood ratio) that it takes to believe in somebody who was not expected.
-const NEW: f64 = 30.0;
-/// Of what the most evident person explains, the share that another one must explain: less may be that person's shadow and
-/// light, which are not in the model.
-const NEW_SHARE: f64 = 0.05;
-/// The same for somebody beside that person, and how near that is, in metres.
-const BESIDE_SHARE: f64 = 0.3;
+const NEW: f64 = 32.0;
+/// Of what each other person explains, the share that somebody new must explain: less may be the other's shadow and light,
+/// which are not in the model.
+const SHARE: f64 = 0.1;
+/// The same for somebody beside the other, and how near that is, in metres.
+const BESIDE_SHARE: f64 = 0.5;
 const BESIDE_M: f64 = 0.7;
 /// How much brighter or darker than what is behind people are at least, as a share of the floor's level: what is fainter
 /// and still shows is near the door, and noise there.
-const LEAST_CONTRAST: f64 = 0.15;
-/// Evidence that it takes to believe that somebody who was expected is there.
-const EXPECTED: f64 = 0.0;
+const LEAST_CONTRAST: f64 = 0.2;
+/// What each edge by itself must show: somebody whom only one edge shows may be anything along a line.
+const EACH_EDGE: f64 = 12.0;
+/// Of these, the share that it takes to believe that somebody is still there.
+const KEPT: f64 = 0.9;
 /// Seeds that are tried, the strongest first.
-const TRIED: usize = 5;
+const TRIED: usize = 3;
+/// Azimuths, in radians, that differ by less may be of one person, whose distance is what is least known.
+const ALONG: f64 = 0.35;
 /// What a model of a body is off, in radians at each edge, standard deviation.
-const ANGLE_ERROR: f64 = 0.012;
+const ANGLE_ERROR: f64 = 0.01;
 /// For how long it stays off in the same way, in seconds.
 const ERROR_LASTS_S: f64 = 0.8;
 
@@ -81,7 +85,7 @@ impl Finder {
         let mut left = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
         left = self.prune(left);
         for seed in seeds.iter().take(TRIED) {
-            left = self.consider(seed, left);
+            left = self.consider(Place::from_point(seed.position), left);
         }
         let sluggish = (ERROR_LASTS_S / elapsed_s.max(1e-3)).max(1.0);
         self.found.clear();
@@ -94,14 +98,37 @@ impl Finder {
     /// Drops who is not there, one after the other.
     fn prune(&mut self, mut left: Left) -> Left {
         loop {
-            let weakest = (self.people.iter().enumerate()).min_by(|a, b| a.1.evidence.total_cmp(&b.1.evidence));
-            let Some((k, weakest)) = weakest else { return left };
-            let crowded = self.crowded();
-            let dropped = if weakest.evidence < EXPECTED { Some(k) } else { crowded };
-            let Some(k) = dropped else { return left };
+            let doubtful = |k: &usize| !self.is_credible(*k, 0.0, KEPT);
+            let weakest = (0..self.people.len())
+                .filter(doubtful)
+                .min_by(|&a, &b| self.people[a].evidence.total_cmp(&self.people[b].evidence));
+            let Some(k) = weakest.or_else(|| self.crowded()) else { return left };
             self.people.remove(k);
             left = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
         }
+    }
+
+    /// Whether somebody is there, rather than noise or what another person does: by evidence of at least `least`, and by
+    /// contrast and by what they explain beside the others, each `strict` times what is asked of somebody new.
+    fn is_credible(&self, k: usize, least: f64, strict: f64) -> bool {
+        let person = &self.people[k];
+        let contrast =
+            (0..3).map(|c| (0.5 * (person.radiance[0][c] + person.radiance[1][c])).powi(2)).sum::<f64>() / 3.0;
+        let least_contrast = strict * LEAST_CONTRAST * self.likelihood.level;
+        let explained = |other: &Candidate| {
+            let beside = distance(person.place, other.place) < BESIDE_M;
+            let share = strict * if beside { BESIDE_SHARE } else { SHARE };
+            person.significance < share * other.significance
+        };
+        let in_wall = {
+            let [x, y] = person.place.point();
+            y < 0.5 * self.body_radius_m && x.abs() > self.doorway.half_width()
+        };
+        !in_wall
+            && person.evidence >= least
+            && person.weaker >= strict * EACH_EDGE
+            && contrast >= least_contrast * least_contrast
+            && !self.people.iter().any(explained)
     }
 
     /// The less evident of two who would be in one another.
@@ -113,11 +140,10 @@ impl Finder {
         Some(if people[i].significance < people[j].significance { i } else { j })
     }
 
-    /// Sees whether a seed explains the measurement better: as the place of somebody who was found elsewhere, or else as one
-    /// more person.
-    fn consider(&mut self, seed: &Seed, left: Left) -> Left {
-        let place = Place::from_point(seed.position);
-        let touching = 1.5 * self.body_radius_m;
+    /// Sees whether somebody at a place explains the measurement better: whoever was found elsewhere, or else one more person.
+    fn consider(&mut self, place: Place, left: Left) -> Left {
+        // Two bodies side by side are as far apart; nearer parts of the map are parts of one.
+        let touching = 2.2 * self.body_radius_m;
         if self.people.iter().any(near_in(place, touching)) {
             return left;
         }
@@ -128,14 +154,7 @@ impl Finder {
         self.keep_aside();
         self.people.push(Candidate::at(place, None));
         let with = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
-        let new = self.people[self.people.len() - 1];
-        let explained = |person: &Candidate| {
-            let share = if distance(person.place, new.place) < BESIDE_M { BESIDE_SHARE } else { NEW_SHARE };
-            new.significance < share * person.significance
-        };
-        let contrast = new.radiance.iter().flatten().map(|r| r * r).sum::<f64>() / 6.0;
-        let faint = contrast < (LEAST_CONTRAST * self.likelihood.level).powi(2);
-        if faint || new.evidence < NEW || self.people.iter().any(explained) || self.crowded().is_some() {
+        if !self.is_credible(self.people.len() - 1, NEW, 1.0) || self.crowded().is_some() {
             std::mem::swap(&mut self.people, &mut self.trial);
             return left;
         }
@@ -145,7 +164,8 @@ impl Finder {
     /// Whether the person nearest in azimuth explains more at a place than where they are now.
     fn move_somebody(&mut self, place: Place, left: Left) -> Option<Left> {
         let away = |person: &Candidate| (person.place.azimuth - place.azimuth).abs();
-        let (k, _) = (self.people.iter().enumerate()).min_by(|a, b| away(a.1).total_cmp(&away(b.1)))?;
+        let nearest = (self.people.iter().enumerate()).min_by(|a, b| away(a.1).total_cmp(&away(b.1)));
+        let (k, _) = nearest.filter(|(_, person)| away(person) < ALONG)?;
         self.keep_aside();
         self.people[k] = Candidate::at(place, self.people[k].prior);
         let moved = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
