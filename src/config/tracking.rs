@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{ConfigError, within};
 use crate::geometry::Room;
+use crate::tracking::likelihood::MOST_PEOPLE;
 use crate::tracking::{Dwelling, TrackerSettings, Zone};
 
 /// Zones that may be configured.
@@ -40,7 +41,7 @@ impl Default for TrackerConfig {
             coast_s: 1.5,
             margin_m: 0.2,
             body_radius_m: 0.2,
-            max_people: 8,
+            max_people: MOST_PEOPLE,
             dwell_s: 10.0,
             dwell_radius_m: 0.4,
             history_s: 30.0,
@@ -71,7 +72,7 @@ impl TrackerConfig {
         within("tracker.coast_s", self.coast_s, 0.1, 30.0, "seconds")?;
         within("tracker.margin_m", self.margin_m, 0.0, 5.0, "metres")?;
         within("tracker.body_radius_m", self.body_radius_m, 0.0, 0.5, "metres")?;
-        within("tracker.max_people", self.max_people as f64, 1.0, 32.0, "people")?;
+        within("tracker.max_people", self.max_people as f64, 1.0, MOST_PEOPLE as f64, "people")?;
         within("tracker.dwell_s", self.dwell_s, 1.0, 86_400.0, "seconds")?;
         within("tracker.dwell_radius_m", self.dwell_radius_m, 0.05, 10.0, "metres")?;
         within("tracker.history_s", self.history_s, 1.0, 600.0, "seconds")
@@ -105,7 +106,7 @@ mod tests {
     fn values_out_of_range_name_their_key() {
         let error = |text: &str| Config::parse(text).expect_err("refused").to_string();
         assert_eq!(error("[tracker]\ncoast_s = 0\n"), "tracker.coast_s is 0, expected 0.1 to 30 seconds");
-        assert_eq!(error("[tracker]\nmax_people = 0\n"), "tracker.max_people is 0, expected 1 to 32 people");
+        assert_eq!(error("[tracker]\nmax_people = 0\n"), "tracker.max_people is 0, expected 1 to 6 people");
         assert!(error("[tracker]\nmax_people = -1\n").starts_with("line 2: "));
         assert!(error("[tracker]\ndwell_s = nan\n").starts_with("tracker.dwell_s is NaN"));
     }

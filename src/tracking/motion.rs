@@ -3,7 +3,9 @@ use nalgebra::Matrix4;
 /// How people move, as a filter is told: position is the integral of a velocity that forgets itself and is kicked at random
 /// (an integrated Ornstein-Uhlenbeck process),
 ///
-///     dx = v dt,   dv = −v/τ dt + √q dW,   q = 2σ²/τ,   in x and in y alike.
+/// ```text
+/// dx = v dt,   dv = −v/τ dt + √q dW,   q = 2σ²/τ,   in x and in y alike.
+/// ```
 ///
 /// Its velocity has variance σ² at all times: nobody is expected to be faster than people are, and who is not seen slows
 /// down instead of running away. For times well below τ it is the constant-velocity model with white acceleration of density
