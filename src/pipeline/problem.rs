@@ -115,6 +115,14 @@ impl Problem {
         self.lambda_in_noise(frame, lambda_max, 1.0)
     }
 
+    /// The smallest λ at which what shows need not be noise, whatever the floor's texture may do.
+    pub fn least_lambda(&self, lambda_max: f64, excess: f64) -> f64 {
+        match self.penalty {
+            Penalty::Fixed(lambda) => lambda,
+            Penalty::Adaptive { noise, share, .. } => (excess * noise).max(share * lambda_max),
+        }
+    }
+
     /// The same for a frame with `excess` times the noise of the others: the average of fewer frames.
     pub fn lambda_in_noise(&self, frame: &Correlations, lambda_max: f64, excess: f64) -> f64 {
         match self.penalty {

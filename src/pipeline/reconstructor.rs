@@ -4,9 +4,13 @@ use std::time::{Duration, Instant};
 use super::{Model, Problem};
 use crate::measurement::{Background, PatchPair};
 use crate::scene::{BlobWorkspace, Rgb, Scene};
-use crate::solver::{Audit, Correlations, ProjectionError, Solution, Start, Workspace, audit};
+use crate::solver::{Audit, Correlations, Limits, ProjectionError, Solution, Start, Workspace, audit};
 use crate::tracking::likelihood::Seed;
 use crate::tracking::{Detection, Prediction};
+
+/// Where people might be need not be known exactly: it is refined.
+const FAINT_SWEEPS: usize = 30;
+const FAINT_TOLERANCE: f64 = 1e-2;
 
 /// The stages from a patch pair to a scene, with what they remember between frames.
 pub struct Reconstructor {
@@ -26,6 +30,10 @@ pub(super) struct Prepared {
     workspace: Workspace,
     solution: Solution,
     refit: Vec<f64>,
+    /// The map at the smallest λ that noise allows, where the other is empty.
+    faint: Solution,
+    /// The last frame's λ_max, and the smallest λ.
+    lambdas: [f64; 2],
     blobs: BlobWorkspace,
     seeds: Vec<Seed>,
     /// For looks at other pictures than the frame's.
@@ -80,6 +88,8 @@ impl Prepared {
             workspace: problem.solver.workspace(),
             solution: Solution::default(),
             refit: Vec::new(),
+            faint: Solution::default(),
+            lambdas: [0.0; 2],
             blobs: BlobWorkspace::default(),
             seeds: Vec::new(),
             aside: (difference.clone(), problem.projection.correlations()),
@@ -148,10 +158,20 @@ impl Reconstructor {
 
     /// Whom the last frame shows, `elapsed_s` after the one before, given where people are expected.
     pub fn find(&mut self, expected: impl Iterator<Item = Prediction>, elapsed_s: f64) -> &[Detection] {
-        let Some(Prepared { problem, solution, blobs, seeds, .. }) = &mut self.problem else { return &[] };
+        let Some(prepared) = &mut self.problem else { return &[] };
+        let Prepared { problem, correlations, workspace, solution, faint, lambdas, blobs, seeds, .. } = prepared;
         let Some(finder) = &mut problem.finder else { return &[] };
         seeds.clear();
-        let blobs = self.model.neighbourhood.blobs(&solution.intensities, blobs);
+        // What a changed lamp and the floor's texture might do is kept from the map; people can be told from it.
+        let [lambda_max, least] = *lambdas;
+        let map = if solution.penalty == 0.0 && lambda_max > least {
+            let limits = Limits { sweeps: FAINT_SWEEPS, tolerance: FAINT_TOLERANCE };
+            problem.solver.solve_into(correlations, least, limits, Start::Empty, workspace, faint);
+            &*faint
+        } else {
+            &*solution
+        };
+        let blobs = self.model.neighbourhood.blobs(&map.intensities, blobs);
         seeds.extend(blobs.iter().map(|blob| Seed { position: blob.position, strength: blob.strength }));
         finder.find(&self.difference, expected, seeds, elapsed_s)
     }
@@ -182,7 +202,7 @@ impl Reconstructor {
         pair.subtract(reference, &mut self.difference);
         let background_time = start.elapsed();
         let (model, background, difference) = (&self.model, &self.background, &self.difference);
-        let Prepared { problem, correlations, workspace, solution, refit, .. } =
+        let Prepared { problem, correlations, workspace, solution, refit, lambdas, .. } =
             self.problem.get_or_insert_with(|| Prepared::new(model, background, difference));
         let start = Instant::now();
         problem.projection.project(&self.difference, correlations)?;
@@ -190,6 +210,7 @@ impl Reconstructor {
         let start = Instant::now();
         let lambda_max = problem.solver.lambda_max(correlations);
         let lambda = problem.lambda_in_noise(correlations, lambda_max, excess);
+        *lambdas = [lambda_max, problem.least_lambda(lambda_max, excess)];
         // What is known to end empty starts empty: nothing of the frame before can stay by mistake.
         let warm = self.warm_start && lambda_max > lambda;
         let from = if warm { Start::Previous } else { Start::Empty };
