@@ -23,9 +23,9 @@ const EACH_EDGE: f64 = 12.0;
 /// Of these, the share that it takes to believe that somebody is still there.
 const KEPT: f64 = 0.9;
 /// Seeds that are tried, the strongest first.
-const TRIED: usize = 3;
+const TRIED: usize = 4;
 /// Azimuths, in radians, that differ by less may be of one person, whose distance is what is least known.
-const ALONG: f64 = 0.35;
+const ALONG: f64 = 0.5;
 /// What a model of a body is off, in radians at each edge, standard deviation.
 const ANGLE_ERROR: f64 = 0.01;
 /// For how long it stays off in the same way, in seconds.
