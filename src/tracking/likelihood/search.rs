@@ -23,7 +23,7 @@ const EACH_EDGE: f64 = 12.0;
 /// Of these, the share that it takes to believe that somebody is still there.
 const KEPT: f64 = 0.9;
 /// Seeds that are tried, the strongest first.
-const TRIED: usize = 4;
+const TRIED: usize = 3;
 /// Azimuths, in radians, that differ by less may be of one person, whose distance is what is least known.
 const ALONG: f64 = 0.5;
 /// What a model of a body is off, in radians at each edge, standard deviation.
