@@ -2,10 +2,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::{Model, Problem};
+use crate::geometry::Point;
 use crate::measurement::{Background, PatchPair};
 use crate::scene::{BlobWorkspace, Rgb, Scene};
 use crate::solver::{Audit, Correlations, Limits, ProjectionError, Solution, Start, Workspace, audit};
-use crate::tracking::likelihood::Seed;
 use crate::tracking::{Detection, Prediction};
 
 /// Where people might be need not be known exactly: it is refined.
@@ -35,7 +35,7 @@ pub(super) struct Prepared {
     /// The last frame's λ_max, and the smallest λ.
     lambdas: [f64; 2],
     blobs: BlobWorkspace,
-    seeds: Vec<Seed>,
+    seeds: Vec<Point>,
     /// For looks at other pictures than the frame's.
     aside: (PatchPair, Correlations),
     /// How long all that took to set up.
@@ -172,7 +172,7 @@ impl Reconstructor {
             &*solution
         };
         let blobs = self.model.neighbourhood.blobs(&map.intensities, blobs);
-        seeds.extend(blobs.iter().map(|blob| Seed { position: blob.position, strength: blob.strength }));
+        seeds.extend(blobs.iter().map(|blob| blob.position));
         finder.find(&self.difference, expected, seeds, elapsed_s)
     }
 

@@ -16,7 +16,7 @@ mod whitened;
 
 pub use body_table::BodyTable;
 pub use measured::{Likelihood, LikelihoodSpec, Measured};
-pub use search::{Finder, Seed};
+pub use search::Finder;
 
 /// People that are looked for at once at most.
 pub const MOST_PEOPLE: usize = 6;

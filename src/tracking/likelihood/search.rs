@@ -31,15 +31,6 @@ const ANGLE_ERROR: f64 = 0.01;
 /// For how long it stays off in the same way, in seconds.
 const ERROR_LASTS_S: f64 = 0.8;
 
-/// Where the map shows something.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seed {
-    /// Its middle, in metres in the door frame.
-    pub position: Point,
-    /// How strong it is, in any unit.
-    pub strength: f64,
-}
-
 /// Finds people in one frame after another.
 #[derive(Debug, Clone)]
 pub struct Finder {
@@ -69,12 +60,12 @@ impl Finder {
     }
 
     /// Whom a difference shows, `elapsed_s` after the frame before: of those who are expected, whoever is still there, and of
-    /// the seeds (strongest first) those that nobody else explains.
+    /// the seeds (middles of what the map shows, strongest first) those that nobody else explains.
     pub fn find(
         &mut self,
         difference: &PatchPair,
         expected: impl Iterator<Item = Prediction>,
-        seeds: &[Seed],
+        seeds: &[Point],
         elapsed_s: f64,
     ) -> &[Detection] {
         self.likelihood.measure(difference, &mut self.frame);
@@ -84,8 +75,8 @@ impl Finder {
         }
         let mut left = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
         left = self.prune(left);
-        for seed in seeds.iter().take(TRIED) {
-            left = self.consider(Place::from_point(seed.position), left);
+        for &seed in seeds.iter().take(TRIED) {
+            left = self.consider(Place::from_point(seed), left);
         }
         let sluggish = (ERROR_LASTS_S / elapsed_s.max(1e-3)).max(1.0);
         self.found.clear();

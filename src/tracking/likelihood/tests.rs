@@ -55,10 +55,6 @@ fn measurement(people: &[(Point, [f64; 3])], random: &mut ChaCha8Rng) -> PatchPa
     pair
 }
 
-fn seeds(points: &[Point]) -> Vec<Seed> {
-    points.iter().map(|&position| Seed { position, strength: 1.0 }).collect()
-}
-
 #[test]
 fn one_person_is_found_off_the_grid_with_honest_errors() {
     let mut finder = finder();
@@ -69,7 +65,7 @@ fn one_person_is_found_off_the_grid_with_honest_errors() {
         let difference = measurement(&[(*place, [-0.2, -0.25, -0.1])], &mut random);
         // Where the map would have it, give or take a facet.
         let from = [place[0] + 0.1 * (k as f64).cos(), place[1] + 0.25 * (k as f64).sin()];
-        let found = finder.find(&difference, std::iter::empty(), &seeds(&[from]), 1.0);
+        let found = finder.find(&difference, std::iter::empty(), &[from], 1.0);
         assert_eq!(found.len(), 1, "{place:?} {found:?}");
         let [[xx, xy], [_, yy]] = found[0].covariance;
         let (dx, dy) = (found[0].position[0] - place[0], found[0].position[1] - place[1]);
@@ -89,7 +85,7 @@ fn two_people_are_found_from_three_seeds_and_nobody_in_noise() {
     let people = [([-0.6, 1.1], [-0.25, -0.1, 0.05]), ([0.5, 1.9], [0.1, -0.2, -0.3])];
     for _ in 0..10 {
         let difference = measurement(&people, &mut random);
-        let found = finder.find(&difference, std::iter::empty(), &seeds(&[[-0.5, 1.2], [0.4, 1.6], [0.1, 1.2]]), 1.0);
+        let found = finder.find(&difference, std::iter::empty(), &[[-0.5, 1.2], [0.4, 1.6], [0.1, 1.2]], 1.0);
         assert_eq!(found.len(), 2, "{found:?}");
         for (place, _) in people {
             let away = |d: &crate::tracking::Detection| (d.position[0] - place[0]).hypot(d.position[1] - place[1]);
@@ -98,7 +94,7 @@ fn two_people_are_found_from_three_seeds_and_nobody_in_noise() {
     }
     for _ in 0..30 {
         let noise = measurement(&[], &mut random);
-        let found = finder.find(&noise, std::iter::empty(), &seeds(&[[0.0, 1.0], [-0.7, 1.5], [0.6, 2.4]]), 1.0);
+        let found = finder.find(&noise, std::iter::empty(), &[[0.0, 1.0], [-0.7, 1.5], [0.6, 2.4]], 1.0);
         assert!(found.is_empty(), "{found:?}");
     }
 }
@@ -111,7 +107,7 @@ fn even_light_of_any_strength_is_nobody() {
     for side in Side::BOTH {
         lit.side_mut(side).data_mut().iter_mut().for_each(|v| *v += 0.05);
     }
-    let found = finder.find(&lit, std::iter::empty(), &seeds(&[[0.0, 1.0], [0.5, 0.8]]), 1.0);
+    let found = finder.find(&lit, std::iter::empty(), &[[0.0, 1.0], [0.5, 0.8]], 1.0);
     assert!(found.is_empty(), "{found:?}");
 }
 
