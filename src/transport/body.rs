@@ -56,7 +56,7 @@ impl FloorView {
     /// cos k (a + π/2), k = 0 .. modes: the smooth changes that a person's shadows and reflections make.
     pub fn walls(&self, doorway: &Doorway, room: &Room, height_m: f64, modes: &mut [f64]) {
         /// Azimuths of the sum, over what varies by at most `modes` half waves.
-        const NODES: usize = 32;
+        const NODES: usize = 64;
         modes.fill(0.0);
         if self.last <= self.first {
             return;

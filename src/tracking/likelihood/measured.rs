@@ -8,9 +8,11 @@ use crate::measurement::{FanPair, PatchPair};
 use crate::transport::{FloorView, PatchGrid};
 
 /// Smooth changes of the walls' light: half waves from wall to wall, and the constant.
-const MODES: usize = 10;
-/// How strong the first of them may be: standard deviation, as a share of the floor's level. The k-th: 1/k of it.
-const MODE_SHARE: f64 = 0.15;
+const MODES: usize = 30;
+/// How strong the first of them may be: standard deviation, as a share of the floor's level.
+const MODE_SHARE: f64 = 0.1;
+/// The k-th may be k to the minus this of it: between what steps of light do (1) and what bends do (2).
+const MODE_DECAY: f64 = 1.5;
 /// How far beyond the walls that are known bodies may be, in metres: rooms are not measured to the centimetre.
 const BEYOND_M: f64 = 0.2;
 /// Height of the room, for these.
@@ -155,7 +157,7 @@ fn whitening(spec: &LikelihoodSpec<'_>, s: usize) -> Option<DMatrix<f32>> {
         add(DVector::from_vec(fan.means(|k| pattern[k])), ANY_STRENGTH.powi(2));
     }
     for (k, mode) in wall_modes(spec, s).into_iter().enumerate() {
-        add(mode, (MODE_SHARE * spec.level / k.max(1) as f64).powi(2));
+        add(mode, (MODE_SHARE * spec.level / (k.max(1) as f64).powf(MODE_DECAY)).powi(2));
     }
     let lower = Cholesky::new(covariance)?.unpack();
     let identity = DMatrix::identity(fan.len(), fan.len());

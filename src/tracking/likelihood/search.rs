@@ -12,12 +12,9 @@ const NEW: f64 = 32.0;
 /// Of what each other person explains, the share that somebody new must explain: less may be the other's shadow and light,
 /// which are not in the model.
 const SHARE: f64 = 0.1;
-/// The same for somebody beside the other, and how near that is, in metres.
-const BESIDE_SHARE: f64 = 0.5;
-const BESIDE_M: f64 = 0.7;
 /// How much brighter or darker than what is behind people are at least, as a share of the floor's level: what is fainter
 /// and still shows is near the door, and noise there.
-const LEAST_CONTRAST: f64 = 0.2;
+const LEAST_CONTRAST: f64 = 0.1;
 /// What each edge by itself must show: somebody whom only one edge shows may be anything along a line.
 const EACH_EDGE: f64 = 12.0;
 /// Of these, the share that it takes to believe that somebody is still there.
@@ -27,7 +24,7 @@ const TRIED: usize = 3;
 /// Azimuths, in radians, that differ by less may be of one person, whose distance is what is least known.
 const ALONG: f64 = 0.5;
 /// What a model of a body is off, in radians at each edge, standard deviation.
-const ANGLE_ERROR: f64 = 0.01;
+const ANGLE_ERROR: f64 = 0.006;
 /// For how long it stays off in the same way, in seconds.
 const ERROR_LASTS_S: f64 = 0.8;
 
@@ -106,11 +103,7 @@ impl Finder {
         let contrast =
             (0..3).map(|c| (0.5 * (person.radiance[0][c] + person.radiance[1][c])).powi(2)).sum::<f64>() / 3.0;
         let least_contrast = strict * LEAST_CONTRAST * self.likelihood.level;
-        let explained = |other: &Candidate| {
-            let beside = distance(person.place, other.place) < BESIDE_M;
-            let share = strict * if beside { BESIDE_SHARE } else { SHARE };
-            person.significance < share * other.significance
-        };
+        let explained = |other: &Candidate| person.significance < strict * SHARE * other.significance;
         let in_wall = {
             let [x, y] = person.place.point();
             y < 0.5 * self.body_radius_m && x.abs() > self.doorway.half_width()
