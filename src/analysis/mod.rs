@@ -1,6 +1,7 @@
 //! How good and how fast the rest of the program is.
 
 mod bench;
+pub mod bound;
 pub mod evaluation;
 mod published_iteration;
 

@@ -15,7 +15,7 @@ mod lamp;
 mod light;
 mod live;
 pub mod luminous;
-mod quadrature;
+pub(crate) mod quadrature;
 mod recording;
 mod room;
 mod scenario;

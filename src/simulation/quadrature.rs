@@ -29,7 +29,7 @@ impl Quadrature {
 }
 
 /// The k-th zero of the Legendre polynomial P_n by Newton's method, and its weight 2 / ((1 − x²) P'_n(x)²).
-fn gauss_legendre(n: usize, k: usize) -> (f64, f64) {
+pub(crate) fn gauss_legendre(n: usize, k: usize) -> (f64, f64) {
     let mut x = (PI * (k as f64 + 0.75) / (n as f64 + 0.5)).cos();
     let mut slope = 1.0;
     // From this start every zero of n <= 1000 is exact to rounding within five steps.

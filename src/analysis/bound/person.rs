@@ -1,0 +1,213 @@
+//! The bound for somebody who stands in a lit room, of whom the strength is not known, and neither is how the camera's gain and
+//! the light of its own side changed.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::nuisance::information_beside;
+use super::point::{Bound, Setup, SetupError, Strategy, within};
+use crate::geometry::{Doorway, Point, Room, Side};
+use crate::transport::{Body, FloorView, PatchGrid, PixelLayout};
+
+/// A person, as a vertical cylinder of one radiance, before a room that is equally bright in every direction.
+///
+/// Pixels are means over their area, relative to the mean level of the still floor in the patches. In each patch the still
+/// picture may be present in any strength (gain), and so may even light (the visible side's).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PersonSetup {
+    /// Doorway, patches, pixels, and the noise of a pixel as a share of the floor's level.
+    pub measured: Setup,
+    /// Height of the person, in metres.
+    pub height_m: f64,
+    /// Radius, in metres.
+    pub radius_m: f64,
+    /// How much brighter they are than the room behind them, as a share of that; negative is darker.
+    pub contrast: f64,
+    /// Share of the floor's light that comes from the visible side.
+    pub visible_share: f64,
+}
+
+impl PersonSetup {
+    /// Somebody of average size, half as bright as the room behind them, at a common door; half of the floor's light comes from
+    /// the visible side, and a pixel's noise is 0.5 % of the floor's level.
+    pub const USUAL: PersonSetup = PersonSetup {
+        measured: Setup {
+            doorway: Doorway { width_m: 0.85, wall_thickness_m: 0.12, height_m: None },
+            patch_m: 0.3,
+            pixels: 64,
+            noise: 0.005,
+        },
+        height_m: 1.7,
+        radius_m: 0.2,
+        contrast: -0.5,
+        visible_share: 0.5,
+    };
+
+    /// Checks that the numbers are ones that a person can have.
+    pub fn validate(&self) -> Result<(), SetupError> {
+        self.measured.validate()?;
+        within("height", self.height_m, 0.1..=3.0, "metres")?;
+        within("radius", self.radius_m, 0.01..=1.0, "metres")?;
+        within("visible", self.visible_share, 0.0..=0.999, "a share")?;
+        if self.contrast.is_finite() && self.contrast != 0.0 {
+            return Ok(());
+        }
+        Err(SetupError { key: "contrast", value: self.contrast, expected: "a share other than 0".into() })
+    }
+
+    /// The bound of one strategy for somebody whose axis stands at a point with y > 0, metres in the door frame. `sd_c` is
+    /// relative to their strength.
+    pub fn bound(&self, strategy: Strategy, place: Point) -> Bound {
+        let information = strategy.sides().iter().map(|&side| self.information(strategy, side, place)).sum();
+        Bound::new(&self.measured.doorway, place, &information)
+    }
+
+    /// The bounds of all strategies, in the order of [`Strategy::ALL`].
+    pub fn bounds(&self, place: Point) -> [Bound; 4] {
+        Strategy::ALL.map(|strategy| self.bound(strategy, place))
+    }
+
+    /// Fisher information on (c, x, y) in one patch.
+    fn information(&self, strategy: Strategy, side: Side, place: Point) -> Matrix3<f64> {
+        let Setup { doorway, patch_m, pixels, noise } = self.measured;
+        let scene = Scene::new(&doorway, strategy);
+        let patch = PatchGrid { size: pixels, fov_m: patch_m, layout: PixelLayout::Cells };
+        let views: Vec<FloorView> = patch.points(&doorway, side).into_iter().map(|point| scene.view(point)).collect();
+        let room: Vec<f64> = views.iter().map(|view| scene.room(view)).collect();
+        let level = room.iter().sum::<f64>() / room.len() as f64;
+        // Of a floor at level 1, the room's part is what the visible side leaves.
+        let hidden = (1.0 - self.visible_share) / level;
+        let still: Vec<f64> = room.iter().map(|light| hidden * light + self.visible_share).collect();
+        let even = vec![1.0; views.len()];
+        let person = self.contrast * hidden / noise;
+        let gradients: Vec<Vector3<f64>> =
+            views.iter().map(|view| person * scene.person(view, self.radius_m, self.height_m, place)).collect();
+        information_beside(&gradients, &[even, still])
+    }
+}
+
+/// What lets a strategy's light through: the doorway, or as much of it as the strategy has.
+struct Scene {
+    opening: Doorway,
+    /// Added to x to come from the doorway's frame to that of the opening.
+    shift: f64,
+}
+
+/// As wide as the world: its far edges cut nothing.
+const WIDE_M: f64 = 200.0;
+/// So high that a wall fills all elevations.
+const HIGH_M: f64 = 1e6;
+/// Step of derivatives, in metres. A body of some width has a penumbra without a step: its light is continuous in its place.
+const STEP_M: f64 = 1e-4;
+
+impl Scene {
+    fn new(doorway: &Doorway, strategy: Strategy) -> Self {
+        let wide = Doorway { width_m: WIDE_M, height_m: None, ..*doorway };
+        match strategy {
+            Strategy::Doorway => Self { opening: *doorway, shift: 0.0 },
+            // The left edge stays where it is.
+            Strategy::SingleCorner => Self { opening: wide, shift: doorway.half_width() - WIDE_M / 2.0 },
+            Strategy::SinglePatch | Strategy::DoublePatch => Self { opening: wide, shift: 0.0 },
+        }
+    }
+
+    fn view(&self, [x, y]: Point) -> FloorView {
+        FloorView::new(&self.opening, [x + self.shift, y])
+    }
+
+    /// Light of a room of unit radiance in every direction.
+    fn room(&self, view: &FloorView) -> f64 {
+        let anywhere = Room { half_width_m: 1.0, depth_m: 1.0 };
+        let mut even = [0.0];
+        view.walls(&self.opening, &anywhere, HIGH_M, &mut even);
+        even[0]
+    }
+
+    /// Light of a person of unit radiance, and its derivatives by x and y.
+    fn person(&self, view: &FloorView, radius_m: f64, height_m: f64, [x, y]: Point) -> Vector3<f64> {
+        let light = |dx: f64, dy: f64| {
+            let body = Body { centre: [x + self.shift + dx, y + dy], radius_m, height_m };
+            view.body(&self.opening, &body)
+        };
+        let by = |dx: f64, dy: f64| (light(dx, dy) - light(-dx, -dy)) / (2.0 * STEP_M);
+        Vector3::new(light(0.0, 0.0), by(STEP_M, 0.0), by(0.0, STEP_M))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+    use proptest::prelude::*;
+
+    use super::super::information::covariance;
+    use super::{PersonSetup, Scene, Setup, Strategy};
+    use crate::geometry::Side;
+    use crate::transport::{FloorView, PatchGrid, PixelLayout};
+
+    const COARSE: PersonSetup =
+        PersonSetup { measured: Setup { pixels: 16, ..PersonSetup::USUAL.measured }, ..PersonSetup::USUAL };
+
+    /// The same from the whole matrix of information on all seven parameters: c, x, y, and gain and even light of both patches.
+    #[test]
+    fn nuisances_cost_what_the_whole_matrix_says() {
+        for place in [[0.3, 1.2], [-0.8, 2.0], [0.0, 0.6]] {
+            let Setup { doorway, patch_m, noise, pixels } = COARSE.measured;
+            let mut information = DMatrix::<f64>::zeros(7, 7);
+            for (s, side) in Side::BOTH.into_iter().enumerate() {
+                let patch = PatchGrid { size: pixels, fov_m: patch_m, layout: PixelLayout::Cells };
+                let scene = Scene::new(&doorway, Strategy::Doorway);
+                let views: Vec<FloorView> = patch.points(&doorway, side).into_iter().map(|p| scene.view(p)).collect();
+                let mean = views.iter().map(|v| scene.room(v)).sum::<f64>() / views.len() as f64;
+                for view in views {
+                    let person = scene.person(&view, 0.2, 1.7, place) * -0.5 * 0.5 / mean;
+                    let mut row = DMatrix::zeros(1, 7);
+                    (0..3).for_each(|k| row[k] = person[k]);
+                    (row[3 + 2 * s], row[4 + 2 * s]) = (0.5 * scene.room(&view) / mean + 0.5, 1.0);
+                    information += row.transpose() * row / (noise * noise);
+                }
+            }
+            let expected = covariance(&information).unwrap();
+            let found = COARSE.bound(Strategy::Doorway, place);
+            assert!((found.sd_c / expected[(0, 0)].sqrt() - 1.0).abs() < 1e-6);
+            for (i, j) in [(0, 0), (0, 1), (1, 1)] {
+                let error = found.covariance_m2[i][j] - expected[(i + 1, j + 1)];
+                assert!(error.abs() < 1e-6 * found.error_m().powi(2), "{place:?}");
+            }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(16))]
+        #[test]
+        fn people_are_as_uncertain_as_their_mirror_images_and_more_so_in_noise(
+            x in -1.2..1.2f64, y in 0.4..2.8f64, factor in 0.1..10.0f64,
+        ) {
+            let here = COARSE.bound(Strategy::Doorway, [x, y]);
+            prop_assume!(here.error_m().is_finite());
+            let mirrored = COARSE.bound(Strategy::Doorway, [-x, y]);
+            // Kinks of the penumbra may fall differently within a step of the derivative.
+            prop_assert!((here.sd_phi1 / mirrored.sd_phi2 - 1.0).abs() < 1e-3, "{here:?} {mirrored:?}");
+            prop_assert!((here.error_m() / mirrored.error_m() - 1.0).abs() < 1e-3);
+            let noisy = PersonSetup { measured: Setup { noise: factor * 0.005, ..COARSE.measured }, ..COARSE };
+            prop_assert!((noisy.bound(Strategy::Doorway, [x, y]).error_m() / (factor * here.error_m()) - 1.0).abs() < 1e-9);
+            let faint = PersonSetup { contrast: -0.5 / factor, ..COARSE };
+            prop_assert!((faint.bound(Strategy::Doorway, [x, y]).error_m() / (factor * here.error_m()) - 1.0).abs() < 1e-9);
+        }
+
+        /// What is known of a nuisance can only help, and so can another patch.
+        #[test]
+        fn more_measurements_are_never_worse(x in -0.8..0.8f64, y in 0.4..2.8f64) {
+            let [single, corner, double, door] = COARSE.bounds([x, y]);
+            prop_assert!(double.error_m() <= single.error_m() * (1.0 + 1e-9));
+            prop_assert!(corner.error_m() <= single.error_m(), "{corner:?} {single:?}");
+            prop_assert!(door.error_m() <= corner.error_m(), "{door:?} {corner:?}");
+        }
+    }
+
+    #[test]
+    fn numbers_that_nobody_has_are_named() {
+        let refused = |setup: PersonSetup| setup.validate().unwrap_err().to_string();
+        assert_eq!(PersonSetup::USUAL.validate(), Ok(()));
+        assert_eq!(refused(PersonSetup { height_m: 17.0, ..COARSE }), "height is 17, expected metres from 0.1 to 3");
+        assert_eq!(refused(PersonSetup { contrast: 0.0, ..COARSE }), "contrast is 0, expected a share other than 0");
+    }
+}
