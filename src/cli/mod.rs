@@ -2,6 +2,7 @@
 
 mod bench;
 mod check_config;
+mod crb;
 mod demo;
 #[cfg(feature = "v4l2")]
 mod devices;
@@ -52,6 +53,7 @@ enum Command {
     Import(import::Arguments),
     #[cfg(feature = "v4l2")]
     Devices(devices::Arguments),
+    Crb(crb::Arguments),
     Bench(bench::Arguments),
     CheckConfig(check_config::Arguments),
 }
@@ -109,6 +111,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Import(arguments) => import::run(&arguments),
         #[cfg(feature = "v4l2")]
         Command::Devices(arguments) => devices::run(&arguments),
+        Command::Crb(arguments) => crb::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::CheckConfig(arguments) => check_config::run(&arguments),
     };

@@ -4,6 +4,7 @@
 //! Same input, same bytes. A value that is not finite is drawn as no change and never reaches the SVG.
 
 mod axes;
+mod bound;
 mod colour;
 mod difference;
 mod evaluation;
@@ -19,6 +20,7 @@ mod timeline;
 #[cfg(test)]
 mod tests;
 
+pub use bound::{BoundPanel, BoundPicture, Region, bound_svg};
 pub use difference::difference_png;
 pub use evaluation::{EstimatedPoint, EvaluationPicture, Found, PersonPath, TrackPath, TruePoint, evaluation_svg};
 pub use figure::{ReconstructionPicture, reconstruction_svg};

@@ -1,0 +1,91 @@
+//! Tables and CSV.
+
+use doorcam::analysis::bound::{Bound, Knob, Strategy};
+
+use super::Row;
+
+/// A row a strategy and target, every column as wide as it needs to be.
+pub(super) fn table(knob: Option<Knob>, rows: &[Row]) -> String {
+    let mut cells: Vec<Vec<String>> = Vec::new();
+    let mut title: Vec<String> =
+        ["strategy", "phi1", "phi2", "x", "y", "sd c", "sd phi1", "sd phi2", "sd x", "sd y", "error"]
+            .map(String::from)
+            .to_vec();
+    let mut units: Vec<String> =
+        ["", "deg", "deg", "m", "m", "%", "deg", "deg", "m", "m", "m"].map(String::from).to_vec();
+    if let Some(knob) = knob {
+        let unit = if matches!(knob, Knob::Patch | Knob::Door | Knob::Wall) { "m" } else { "" };
+        title.insert(1, knob.name().into());
+        units.insert(1, unit.into());
+    }
+    cells.extend([title, units]);
+    for (row, strategy, bound) in lines(rows) {
+        let [sd_x, sd_y] = deviations(bound);
+        let mut line = vec![strategy.name().to_owned()];
+        line.extend(row.value(knob).map(|(_, value)| value.to_string()));
+        line.extend([row.angles.alpha1, row.angles.alpha2].map(|a| format!("{:.1}", a.to_degrees())));
+        line.extend(row.place.map(|v| format!("{v:.2}")));
+        line.push(short(100.0 * bound.sd_c));
+        line.extend([bound.sd_phi1, bound.sd_phi2].map(|a| short(a.to_degrees())));
+        line.extend([sd_x, sd_y, bound.error_m()].map(short));
+        cells.push(line);
+    }
+    let width = |column: usize| cells.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..cells[0].len()).map(width).collect();
+    let mut text = String::new();
+    for line in &cells {
+        let mut aligned = format!("{:<1$}", line[0], widths[0]);
+        for (cell, width) in line.iter().zip(&widths).skip(1) {
+            aligned += &format!("  {cell:>width$}");
+        }
+        text += aligned.trim_end();
+        text.push('\n');
+    }
+    text
+}
+
+/// The columns that other programs read: those of a sweep have their value first and metres last.
+pub(super) fn csv(knob: Option<Knob>, rows: &[Row]) -> String {
+    let mut text = knob.map_or_else(String::new, |knob| format!("{},", knob.name()));
+    text += "strategy,phi1_deg,phi2_deg,sd_c,sd_phi1_rad,sd_phi2_rad";
+    text += if knob.is_some() { ",x_m,y_m,sd_x_m,sd_y_m,error_m\n" } else { "\n" };
+    for (row, strategy, bound) in lines(rows) {
+        let [phi1, phi2] = [row.angles.alpha1, row.angles.alpha2].map(degrees);
+        if let Some((_, value)) = row.value(knob) {
+            text += &format!("{value},");
+        }
+        text += &format!("{},{phi1},{phi2},{:e},{:e},{:e}", strategy.name(), bound.sd_c, bound.sd_phi1, bound.sd_phi2);
+        if knob.is_some() {
+            let ([x, y], [sd_x, sd_y]) = (row.place, deviations(bound));
+            text += &format!(",{x},{y},{sd_x:e},{sd_y:e},{:e}", bound.error_m());
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// Degrees without the last digits, which are rounding: 60 rather than 59.99999999999999.
+fn degrees(radians: f64) -> f64 {
+    (radians.to_degrees() * 1e9).round() / 1e9
+}
+
+fn lines(rows: &[Row]) -> impl Iterator<Item = (&Row, Strategy, &Bound)> {
+    let strategies = Strategy::ALL.into_iter().enumerate();
+    strategies.flat_map(move |(k, strategy)| rows.iter().map(move |row| (row, strategy, &row.bounds[k])))
+}
+
+fn deviations(bound: &Bound) -> [f64; 2] {
+    [0, 1].map(|k| bound.covariance_m2[k][k].sqrt())
+}
+
+/// Three significant digits; what the pixels cannot tell is a dash.
+fn short(value: f64) -> String {
+    if !value.is_finite() {
+        return "–".into();
+    }
+    if value != 0.0 && !(1e-4..1e5).contains(&value) {
+        return format!("{value:.2e}");
+    }
+    let decimals = (2.0 - value.abs().max(1e-4).log10().floor()).clamp(0.0, 6.0) as usize;
+    format!("{value:.decimals$}")
+}
