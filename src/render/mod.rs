@@ -6,6 +6,7 @@
 mod axes;
 mod bound;
 mod colour;
+mod curves;
 mod difference;
 mod evaluation;
 mod figure;
@@ -21,6 +22,7 @@ mod timeline;
 mod tests;
 
 pub use bound::{BoundPanel, BoundPicture, Region, bound_svg};
+pub use curves::{Curve, CurvesPanel, CurvesPicture, curves_svg};
 pub use difference::difference_png;
 pub use evaluation::{EstimatedPoint, EvaluationPicture, Found, PersonPath, TrackPath, TruePoint, evaluation_svg};
 pub use figure::{ReconstructionPicture, reconstruction_svg};

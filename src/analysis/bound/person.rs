@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::nuisance::information_beside;
+use super::nuisance::Patterns;
 use super::point::{Bound, Setup, SetupError, Strategy, within};
 use crate::geometry::{Doorway, Point, Room, Side};
 use crate::transport::{Body, FloorView, PatchGrid, PixelLayout};
@@ -70,23 +70,34 @@ impl PersonSetup {
     fn information(&self, strategy: Strategy, side: Side, place: Point) -> Matrix3<f64> {
         let Setup { doorway, patch_m, pixels, noise } = self.measured;
         let scene = Scene::new(&doorway, strategy);
-        let patch = PatchGrid { size: pixels, fov_m: patch_m, layout: PixelLayout::Cells };
-        let views: Vec<FloorView> = patch.points(&doorway, side).into_iter().map(|point| scene.view(point)).collect();
-        let room: Vec<f64> = views.iter().map(|view| scene.room(view)).collect();
+        // A pixel is a mean over points of its area.
+        let within = FINE.div_ceil(pixels);
+        let fine = PatchGrid { size: pixels * within, fov_m: patch_m, layout: PixelLayout::Cells };
+        let (mut room, mut person) = (vec![0.0; pixels * pixels], vec![Vector3::zeros(); pixels * pixels]);
+        let share = 1.0 / (within * within) as f64;
+        for (k, point) in fine.points(&doorway, side).into_iter().enumerate() {
+            let pixel = k / fine.size / within * pixels + k % fine.size / within;
+            let view = scene.view(point);
+            room[pixel] += share * scene.room(&view);
+            person[pixel] += share * scene.person(&view, self.radius_m, self.height_m, place);
+        }
         let level = room.iter().sum::<f64>() / room.len() as f64;
         // Of a floor at level 1, the room's part is what the visible side leaves.
         let hidden = (1.0 - self.visible_share) / level;
         let still: Vec<f64> = room.iter().map(|light| hidden * light + self.visible_share).collect();
-        let even = vec![1.0; views.len()];
-        let person = self.contrast * hidden / noise;
-        let gradients: Vec<Vector3<f64>> =
-            views.iter().map(|view| person * scene.person(view, self.radius_m, self.height_m, place)).collect();
-        information_beside(&gradients, &[even, still])
+        let even = vec![1.0; room.len()];
+        let strength = self.contrast * hidden / noise;
+        person.iter_mut().for_each(|gradient| *gradient *= strength);
+        Patterns::new(&[even, still]).information(&person)
     }
 }
 
+/// Points along each side of a patch at least, however few its pixels are.
+const FINE: usize = 64;
+
 /// What lets a strategy's light through: the doorway, or as much of it as the strategy has.
-struct Scene {
+#[derive(Debug, Clone)]
+pub(super) struct Scene {
     opening: Doorway,
     /// Added to x to come from the doorway's frame to that of the opening.
     shift: f64,
@@ -100,7 +111,7 @@ const HIGH_M: f64 = 1e6;
 const STEP_M: f64 = 1e-4;
 
 impl Scene {
-    fn new(doorway: &Doorway, strategy: Strategy) -> Self {
+    pub(super) fn new(doorway: &Doorway, strategy: Strategy) -> Self {
         let wide = Doorway { width_m: WIDE_M, height_m: None, ..*doorway };
         match strategy {
             Strategy::Doorway => Self { opening: *doorway, shift: 0.0 },
@@ -110,12 +121,12 @@ impl Scene {
         }
     }
 
-    fn view(&self, [x, y]: Point) -> FloorView {
+    pub(super) fn view(&self, [x, y]: Point) -> FloorView {
         FloorView::new(&self.opening, [x + self.shift, y])
     }
 
     /// Light of a room of unit radiance in every direction.
-    fn room(&self, view: &FloorView) -> f64 {
+    pub(super) fn room(&self, view: &FloorView) -> f64 {
         let anywhere = Room { half_width_m: 1.0, depth_m: 1.0 };
         let mut even = [0.0];
         view.walls(&self.opening, &anywhere, HIGH_M, &mut even);
@@ -123,7 +134,7 @@ impl Scene {
     }
 
     /// Light of a person of unit radiance, and its derivatives by x and y.
-    fn person(&self, view: &FloorView, radius_m: f64, height_m: f64, [x, y]: Point) -> Vector3<f64> {
+    pub(super) fn person(&self, view: &FloorView, radius_m: f64, height_m: f64, [x, y]: Point) -> Vector3<f64> {
         let light = |dx: f64, dy: f64| {
             let body = Body { centre: [x + self.shift + dx, y + dy], radius_m, height_m };
             view.body(&self.opening, &body)
@@ -139,18 +150,18 @@ mod tests {
     use proptest::prelude::*;
 
     use super::super::information::covariance;
-    use super::{PersonSetup, Scene, Setup, Strategy};
+    use super::{FINE, PersonSetup, Scene, Setup, Strategy};
     use crate::geometry::Side;
     use crate::transport::{FloorView, PatchGrid, PixelLayout};
 
-    const COARSE: PersonSetup =
-        PersonSetup { measured: Setup { pixels: 16, ..PersonSetup::USUAL.measured }, ..PersonSetup::USUAL };
+    const SETUP: PersonSetup =
+        PersonSetup { measured: Setup { pixels: FINE, ..PersonSetup::USUAL.measured }, ..PersonSetup::USUAL };
 
     /// The same from the whole matrix of information on all seven parameters: c, x, y, and gain and even light of both patches.
     #[test]
     fn nuisances_cost_what_the_whole_matrix_says() {
         for place in [[0.3, 1.2], [-0.8, 2.0], [0.0, 0.6]] {
-            let Setup { doorway, patch_m, noise, pixels } = COARSE.measured;
+            let Setup { doorway, patch_m, noise, pixels } = SETUP.measured;
             let mut information = DMatrix::<f64>::zeros(7, 7);
             for (s, side) in Side::BOTH.into_iter().enumerate() {
                 let patch = PatchGrid { size: pixels, fov_m: patch_m, layout: PixelLayout::Cells };
@@ -166,7 +177,7 @@ mod tests {
                 }
             }
             let expected = covariance(&information).unwrap();
-            let found = COARSE.bound(Strategy::Doorway, place);
+            let found = SETUP.bound(Strategy::Doorway, place);
             assert!((found.sd_c / expected[(0, 0)].sqrt() - 1.0).abs() < 1e-6);
             for (i, j) in [(0, 0), (0, 1), (1, 1)] {
                 let error = found.covariance_m2[i][j] - expected[(i + 1, j + 1)];
@@ -181,22 +192,22 @@ mod tests {
         fn people_are_as_uncertain_as_their_mirror_images_and_more_so_in_noise(
             x in -1.2..1.2f64, y in 0.4..2.8f64, factor in 0.1..10.0f64,
         ) {
-            let here = COARSE.bound(Strategy::Doorway, [x, y]);
+            let here = SETUP.bound(Strategy::Doorway, [x, y]);
             prop_assume!(here.error_m().is_finite());
-            let mirrored = COARSE.bound(Strategy::Doorway, [-x, y]);
+            let mirrored = SETUP.bound(Strategy::Doorway, [-x, y]);
             // Kinks of the penumbra may fall differently within a step of the derivative.
             prop_assert!((here.sd_phi1 / mirrored.sd_phi2 - 1.0).abs() < 1e-3, "{here:?} {mirrored:?}");
             prop_assert!((here.error_m() / mirrored.error_m() - 1.0).abs() < 1e-3);
-            let noisy = PersonSetup { measured: Setup { noise: factor * 0.005, ..COARSE.measured }, ..COARSE };
+            let noisy = PersonSetup { measured: Setup { noise: factor * 0.005, ..SETUP.measured }, ..SETUP };
             prop_assert!((noisy.bound(Strategy::Doorway, [x, y]).error_m() / (factor * here.error_m()) - 1.0).abs() < 1e-9);
-            let faint = PersonSetup { contrast: -0.5 / factor, ..COARSE };
+            let faint = PersonSetup { contrast: -0.5 / factor, ..SETUP };
             prop_assert!((faint.bound(Strategy::Doorway, [x, y]).error_m() / (factor * here.error_m()) - 1.0).abs() < 1e-9);
         }
 
         /// What is known of a nuisance can only help, and so can another patch.
         #[test]
         fn more_measurements_are_never_worse(x in -0.8..0.8f64, y in 0.4..2.8f64) {
-            let [single, corner, double, door] = COARSE.bounds([x, y]);
+            let [single, corner, double, door] = SETUP.bounds([x, y]);
             prop_assert!(double.error_m() <= single.error_m() * (1.0 + 1e-9));
             prop_assert!(corner.error_m() <= single.error_m(), "{corner:?} {single:?}");
             prop_assert!(door.error_m() <= corner.error_m(), "{door:?} {corner:?}");
@@ -207,7 +218,7 @@ mod tests {
     fn numbers_that_nobody_has_are_named() {
         let refused = |setup: PersonSetup| setup.validate().unwrap_err().to_string();
         assert_eq!(PersonSetup::USUAL.validate(), Ok(()));
-        assert_eq!(refused(PersonSetup { height_m: 17.0, ..COARSE }), "height is 17, expected metres from 0.1 to 3");
-        assert_eq!(refused(PersonSetup { contrast: 0.0, ..COARSE }), "contrast is 0, expected a share other than 0");
+        assert_eq!(refused(PersonSetup { height_m: 17.0, ..SETUP }), "height is 17, expected metres from 0.1 to 3");
+        assert_eq!(refused(PersonSetup { contrast: 0.0, ..SETUP }), "contrast is 0, expected a share other than 0");
     }
 }

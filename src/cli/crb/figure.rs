@@ -1,8 +1,8 @@
-//! Figure 5 of the paper, for any setup.
+//! Figure 5 of the paper, for any setup, and the curves of a sweep.
 
 use anyhow::Context;
-use doorcam::analysis::bound::{Strategy, place_of, sample_measurement};
-use doorcam::render::{BoundPanel, BoundPicture, Region, bound_svg};
+use doorcam::analysis::bound::{Knob, Strategy, place_of, sample_measurement};
+use doorcam::render::{BoundPanel, BoundPicture, Curve, CurvesPanel, CurvesPicture, Region, bound_svg, curves_svg};
 
 use super::options::Target;
 use super::{Arguments, Row};
@@ -13,6 +13,9 @@ pub(super) const WIDTH: u32 = 2000;
 const SEED: u64 = 1;
 
 pub(super) fn svg(arguments: &Arguments, target: &Target, rows: &[Row]) -> anyhow::Result<String> {
+    if let Some(sweep) = &arguments.sweep {
+        return Ok(curves(target, sweep.knob, sweep.values.len(), rows));
+    }
     let doorway = target.measured().doorway;
     let dot =
         place_of(&doorway, arguments.sample.0).context("--sample: the two rays do not meet in the hidden room")?;
@@ -55,33 +58,56 @@ fn regions(arguments: &Arguments, strategy: Strategy, rows: &[Row]) -> Vec<Regio
     rows.iter().map(region).collect()
 }
 
+/// The error against what is swept, a panel a place.
+fn curves(target: &Target, knob: Knob, values: usize, rows: &[Row]) -> String {
+    let panel = |rows: &[Row]| {
+        let curve = |(k, strategy): (usize, Strategy)| Curve {
+            name: title(strategy).into(),
+            points: rows.iter().map(|row| [row.value.unwrap_or(0.0), row.bounds[k].error_m()]).collect(),
+        };
+        let [x, y] = rows[0].place;
+        CurvesPanel {
+            title: format!("at x = {x:.2} m, y = {y:.2} m"),
+            curves: Strategy::ALL.into_iter().enumerate().map(curve).collect(),
+        }
+    };
+    let panels: Vec<CurvesPanel> = rows.chunks(values.max(1)).map(panel).collect();
+    let caption =
+        format!("Least error of an unbiased estimate. Before the {} changes: {}", knob.name(), setting(target));
+    let (x_label, y_label) = (knob.unit(), "error of the position [m]");
+    curves_svg(&CurvesPicture { x_label, y_label, panels: &panels, caption: &caption })
+}
+
 fn caption(arguments: &Arguments, target: &Target) -> String {
-    let measured = target.measured();
     let mut caption = format!(
-        "Regions are {} standard deviations of the Cramér-Rao bound wide in each angle. Edges {} m apart, ",
-        arguments.width_sd, measured.doorway.width_m
+        "Regions are {} standard deviations of the Cramér-Rao bound wide in each angle. {}",
+        arguments.width_sd,
+        setting(target)
     );
+    if let Target::Point(_) = target {
+        caption += " Below: samples at this noise of a target at the red dot.";
+    }
+    caption
+}
+
+/// What is measured, in words.
+fn setting(target: &Target) -> String {
+    let measured = target.measured();
+    let mut caption = format!("Edges {} m apart, ", measured.doorway.width_m);
     if measured.doorway.wall_thickness_m > 0.0 {
         caption += &format!("wall {} m thick, ", measured.doorway.wall_thickness_m);
     }
     caption += &format!("patches of {} m, {1} x {1} pixels", measured.patch_m, measured.pixels);
-    match target {
-        Target::Point(setup) => {
-            caption += &format!(
-                "; noise {:e}, brightness 1. Below: samples at this noise of a target at the red dot.",
-                setup.noise
-            );
-        }
-        Target::Person(setup) => {
-            caption += &format!(
+    caption
+        + &match target {
+            Target::Point(setup) => format!("; noise {:e}, brightness 1.", setup.noise),
+            Target::Person(setup) => format!(
                 "; noise {} % of the floor's level. A person {} m high with a contrast of {} %; gain and even light of each \
-                 patch unknown, {} % of it from the visible side.",
+                 patch unknown, {} % of the light from the visible side.",
                 100.0 * setup.measured.noise,
                 setup.height_m,
-                100.0 * setup.contrast,
+                format!("{}", 100.0 * setup.contrast).replace('-', "−"),
                 100.0 * setup.visible_share
-            );
+            ),
         }
-    }
-    caption
 }

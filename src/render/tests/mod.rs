@@ -1,5 +1,7 @@
 //! The figure is read back as a reader would: positions from its axes, colours from its pixels.
 
+mod bound;
+mod curves;
 mod evaluation;
 mod shown;
 
