@@ -24,7 +24,17 @@ const PROMISED: [&str; 13] = [
     "id_switches",
     "timing_ms",
 ];
-const MORE: [&str; 7] = ["gospa", "people", "missed_share", "tracks", "false_tracks", "ellipse_share", "median_nees"];
+const MORE: [&str; 9] = [
+    "gospa",
+    "people",
+    "missed_share",
+    "tracks",
+    "false_tracks",
+    "ellipse_share",
+    "median_nees",
+    "bound_m",
+    "efficiency",
+];
 
 fn text(path: &Path) -> &str {
     path.to_str().unwrap()
@@ -105,7 +115,7 @@ fn updates_from_a_file_are_scored_and_drawn() {
     let table = String::from_utf8(output.stdout).unwrap();
     let cells: Vec<&str> = table.lines().last().unwrap().split_whitespace().skip(1).collect();
     // e² / σ² = 9 > 5.991: outside of the ellipse.
-    assert_eq!(cells, ["4", "4", "0.300", "0.300", "0.300", "0.0", "0", "0", "0", "0.0", "0.300", "–"]);
+    assert_eq!(cells, ["4", "4", "0.300", "0.300", "0.300", "–", "–", "0.0", "0", "0", "0", "0.0", "0.300", "–"]);
     let name = dir.path().file_name().unwrap().to_str().unwrap();
     let svg = std::fs::read_to_string(pictures.join(format!("evaluation_{name}.svg"))).unwrap();
     assert!(svg.contains("track 5") && svg.contains("mean 0.300 m"));

@@ -184,7 +184,8 @@ impl Engine {
         update.timing_ms.total = ms(start.elapsed());
         self.sequence += 1;
         let difference = scene.is_some().then(|| self.reconstructor.difference().clone());
-        Ok(Published { detections, ..Published::new(update, scene, difference) })
+        let sensing = scene.is_some().then(|| self.reconstructor.sensing().cloned()).flatten();
+        Ok(Published { detections, sensing, ..Published::new(update, scene, difference) })
     }
 
     /// Who is where, by a map that is of now; nobody is followed through frames without one.

@@ -10,7 +10,7 @@ use super::meters::Meters;
 use super::recent::Recent;
 use super::{BackgroundReport, EventPage, Model, State, TrackHistory, Update};
 use crate::config::{Config, Preset, TrackerConfig};
-use crate::measurement::PatchPair;
+use crate::measurement::{PatchPair, Sensing};
 use crate::scene::Scene;
 use crate::source::{Condition, Granted, RawFrame, RawImages, SourceState};
 use crate::tracking::{Detection, Zone};
@@ -28,6 +28,8 @@ pub struct Published {
     pub difference: Option<PatchPair>,
     /// Whom this frame shows by itself.
     pub detections: Vec<Detection>,
+    /// What the pixels can tell; none while learning, and with the published model.
+    pub sensing: Option<Arc<Sensing>>,
     /// When it was published.
     pub at: Instant,
 }
@@ -37,7 +39,7 @@ impl Published {
     pub fn new(update: Update, scene: Option<Scene>, difference: Option<PatchPair>) -> Self {
         // An update has no map with keys other than strings, the one thing that serialisation refuses.
         let json = serde_json::to_string(&update).unwrap_or_default().into();
-        Self { update, json, scene, difference, detections: Vec::new(), at: Instant::now() }
+        Self { update, json, scene, difference, detections: Vec::new(), sensing: None, at: Instant::now() }
     }
 }
 

@@ -1,4 +1,5 @@
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -8,7 +9,7 @@ use super::Model;
 use super::texture_reach::{reach_in, texture_reach};
 use crate::config::Lambda;
 use crate::geometry::Side;
-use crate::measurement::{Background, Floor, NoiseModel, PatchPair, drift_patterns};
+use crate::measurement::{Background, Floor, NoiseModel, PatchPair, Sensing, drift_patterns};
 use crate::solver::{Admissible, Columns, Correlations, ModelKind, Nuisance, Pixels, Projection, Solver};
 use crate::tracking::likelihood::{Finder, Likelihood, LikelihoodSpec};
 
@@ -23,6 +24,8 @@ pub struct Problem {
     pub finder: Option<Finder>,
     /// Values of a difference that count: pixels of both patches, times three.
     pub values: usize,
+    /// What the pixels can tell; none with the published model, which does not ask for the noise.
+    pub sensing: Option<Arc<Sensing>>,
     penalty: Penalty,
 }
 
@@ -80,6 +83,7 @@ impl Problem {
             projection,
             finder: None,
             values,
+            sensing: None,
             penalty: Penalty::Fixed(lambda),
         }
     }
@@ -107,7 +111,8 @@ impl Problem {
         };
         let values = 3 * weights.iter().flatten().filter(|&&w| w > 0.0).count();
         let finder = finder(model, background.mean(), &frames, &weights, &floors);
-        Self { projection, solver, finder, values, penalty }
+        let sensing = Some(Arc::new(Sensing { still: background.mean().clone(), weights }));
+        Self { projection, solver, finder, values, sensing, penalty }
     }
 
     /// λ for a frame whose map is empty from `lambda_max` on.

@@ -3,7 +3,7 @@ use std::time::{Duration, Instant};
 
 use super::{Model, Problem};
 use crate::geometry::Point;
-use crate::measurement::{Background, PatchPair};
+use crate::measurement::{Background, PatchPair, Sensing};
 use crate::scene::{BlobWorkspace, Rgb, Scene};
 use crate::solver::{Audit, Correlations, Limits, ProjectionError, Solution, Start, Workspace, audit};
 use crate::tracking::{Detection, Prediction};
@@ -174,6 +174,11 @@ impl Reconstructor {
         let blobs = self.model.neighbourhood.blobs(&map.intensities, blobs);
         seeds.extend(blobs.iter().map(|blob| blob.position));
         finder.find(&self.difference, expected, seeds, elapsed_s)
+    }
+
+    /// What the pixels can tell; none before there is a background, and with the published model.
+    pub(super) fn sensing(&self) -> Option<&Arc<Sensing>> {
+        self.problem.as_ref()?.problem.sensing.as_ref()
     }
 
     /// The last frame's difference measurement (eq. 4).

@@ -8,6 +8,7 @@ mod live;
 mod people;
 mod pictures;
 mod problem;
+mod uncertainty;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -66,6 +67,7 @@ struct Shared {
     metrics: Option<PrometheusHandle>,
     pictures: Arc<Pictures>,
     encoded: Arc<frame::Encoded>,
+    uncertain: Arc<uncertainty::Mapped>,
     clients: Arc<AtomicUsize>,
     /// Turns true when the server ends: open sockets would hold it up for ever.
     ending: watch::Receiver<bool>,
@@ -114,6 +116,7 @@ impl Server {
             metrics,
             pictures: Arc::default(),
             encoded: Arc::default(),
+            uncertain: Arc::default(),
             clients: Arc::default(),
             ending,
         };
@@ -149,6 +152,7 @@ fn routes(shared: Shared) -> Router {
         .route("/tracks/{id}", get(people::track))
         .route("/events", get(people::events))
         .route("/zones", get(people::zones))
+        .route("/uncertainty", get(uncertainty::uncertainty))
         .route("/calibration", get(calibration::get).put(calibration::put))
         .route("/calibration/check", post(calibration::check))
         .route("/calibration/previous", post(calibration::previous))

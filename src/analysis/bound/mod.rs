@@ -11,6 +11,7 @@ mod plan;
 mod plotted;
 mod point;
 mod quadrature;
+mod room;
 mod sample;
 
 #[cfg(test)]
@@ -20,4 +21,5 @@ pub use person::PersonSetup;
 pub use plan::Knob;
 pub use plotted::plotted_angles;
 pub use point::{Bound, Setup, SetupError, Strategy, place_of};
+pub use room::{RoomBound, UncertaintyMap};
 pub use sample::sample_measurement;

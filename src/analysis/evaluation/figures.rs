@@ -53,6 +53,10 @@ pub struct Report {
     pub ellipse_share: Option<f64>,
     /// Median of eᵀ P⁻¹ e: 1.386 if the covariances P are right; less if they are too large.
     pub median_nees: Option<f64>,
+    /// Root of the mean squared bound of those detected, in metres: what could be attained from each frame alone.
+    pub bound_m: Option<f64>,
+    /// That bound as a share of the root of the mean square of the same targets' errors.
+    pub efficiency: Option<f64>,
 }
 
 /// Times of the scored frames.
@@ -91,6 +95,9 @@ impl Evaluation {
         let part = |of: fn(&super::Gospa) -> f64| mean(gospa.iter().map(of));
         let counted = self.frames.iter().flat_map(|f| &f.targets).filter(|t| t.verdict != Verdict::Settling);
         let tracks = self.tracks();
+        let bounded = || found().filter_map(|target| Some((target.bound_m?, target.error_m()?)));
+        let bound_m = mean(bounded().map(|(bound, _)| bound * bound)).map(f64::sqrt);
+        let bounded_rmse_m = mean(bounded().map(|(_, error)| error * error)).map(f64::sqrt);
         Report {
             recording: recording.to_owned(),
             frames,
@@ -117,6 +124,8 @@ impl Evaluation {
             false_tracks: tracks.values().filter(|track| track.nobody > track.somebody).count(),
             ellipse_share: share(inside, nees.len()),
             median_nees: quantile(&nees, 0.5),
+            bound_m,
+            efficiency: bound_m.zip(bounded_rmse_m).filter(|(_, rmse)| *rmse > 0.0).map(|(bound, rmse)| bound / rmse),
         }
     }
 

@@ -27,6 +27,9 @@ pub struct TargetScore {
     pub estimate: Option<Estimate>,
     /// How often it has come in, this time included.
     pub visit: usize,
+    /// The least root of the mean squared error of an unbiased estimate from this frame alone (the Cramér-Rao bound), in
+    /// metres; none where it is not known.
+    pub bound_m: Option<f64>,
 }
 
 impl TargetScore {
@@ -160,6 +163,12 @@ impl Scorer {
     /// Scores what was reported for a frame. Frames that are not to be scored, that the truth does not know or that were
     /// scored before are left out.
     pub fn score(&mut self, observed: &Observed) {
+        self.score_against(observed, |_, _| None);
+    }
+
+    /// The same, with a yardstick: `bound_m` tells the least error, in metres, with which somebody at a true place could have been
+    /// located who was found as that estimate.
+    pub fn score_against(&mut self, observed: &Observed, bound_m: impl Fn(Point, &Estimate) -> Option<f64>) {
         let Some((index, known)) = observed.frame.and_then(|index| Some((index, self.known.get(&index)?))) else {
             return;
         };
@@ -178,6 +187,7 @@ impl Scorer {
             },
             estimate: pair.map(|k| observed.estimates[k]),
             visit: known.visit,
+            bound_m: pair.and_then(|k| bound_m([known.target.x_m, known.target.y_m], &observed.estimates[k])),
         };
         let strays = observed.estimates.iter().enumerate().filter(|(k, _)| !pairs.contains(&Some(*k)));
         self.frames.push(FrameScore {

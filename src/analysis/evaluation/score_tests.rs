@@ -65,7 +65,13 @@ fn errors_and_their_figures_are_those_of_the_definitions() {
 fn the_ellipse_is_that_of_the_covariance() {
     let at = |covariance| {
         let estimate = Estimate { id: None, position: [0.2, 1.1], covariance };
-        TargetScore { target: target(1, [0.0, 1.0]), verdict: Verdict::Detected, estimate: Some(estimate), visit: 1 }
+        TargetScore {
+            target: target(1, [0.0, 1.0]),
+            verdict: Verdict::Detected,
+            estimate: Some(estimate),
+            visit: 1,
+            bound_m: None,
+        }
     };
     // e = (0.2, 0.1), P⁻¹ = [[30, -10], [-10, 20]]: 30 · 0.04 − 20 · 0.02 + 20 · 0.01 = 1.
     let nees = at([[0.04, 0.02], [0.02, 0.06]]).nees().unwrap();

@@ -1,5 +1,6 @@
 mod picture;
 mod table;
+mod yardstick;
 
 use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -8,11 +9,12 @@ use anyhow::{Context, bail};
 use clap::CommandFactory;
 use doorcam::analysis::evaluation::{Observed, Report, Scorer, read_updates};
 use doorcam::config::Config;
-use doorcam::pipeline::{Published, StepError};
+use doorcam::pipeline::{Model, Published, StepError};
 use doorcam::source::Purpose;
 use doorcam::source::recording::{Entry, Recording};
 use doorcam::source::truth::Truth;
 
+use self::yardstick::{Yardstick, bound_m};
 use super::reconstruct::recording_time;
 use super::{ModelOptions, engine_of, open_recording, progress};
 
@@ -27,6 +29,8 @@ Columns:
   frames           scored: after background_frames, and known to truth.json
   targets          people to be found, counted in every scored frame anew
   mean, RMSE, p95  distance from the true to the reported place of those found; 95 of 100 are at most p95
+  bound            Cramer-Rao: the least RMSE that one frame's pixels allow, by the noise measured in the recording
+  efficiency       bound / RMSE; above 100 % where a track's past helps more than everything else harms
   missed           of targets
   false            reports of nobody, counted in every scored frame anew
   false tracks     tracks that are nobody in more than half of their scored frames
@@ -124,7 +128,12 @@ fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Resu
         }
         None => {
             let observed = if arguments.detections { Observed::detections } else { Observed::tracks };
-            reconstruct(config, &recording, |published| scorer.score(&observed(published)))?;
+            let mut yardstick = Yardstick::default();
+            reconstruct(config, &recording, |model, published| {
+                let bound = yardstick.of(model, published);
+                scorer
+                    .score_against(&observed(published), |place, estimate| bound_m(bound, published, place, estimate));
+            })?;
         }
     }
     let evaluation = scorer.finish();
@@ -147,8 +156,8 @@ fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Resu
 }
 
 /// Takes the frames of a recording as if they were live; `each` is told of every update after the background.
-fn reconstruct(config: &Config, recording: &Recording, mut each: impl FnMut(&Published)) -> anyhow::Result<()> {
-    let (mut engine, _) = engine_of(config, recording, true)?;
+fn reconstruct(config: &Config, recording: &Recording, mut each: impl FnMut(&Model, &Published)) -> anyhow::Result<()> {
+    let (mut engine, model) = engine_of(config, recording, true)?;
     let entries: Vec<&Entry> =
         recording.frames.iter().filter(|e| recording.purpose(e.index) != Purpose::Before).collect();
     let progress = progress(entries.len() as u64);
@@ -158,7 +167,7 @@ fn reconstruct(config: &Config, recording: &Recording, mut each: impl FnMut(&Pub
             .map_err(StepError::Skipped)
             .and_then(|frame| engine.step(&frame, recording_time(entry.seconds)));
         match stepped {
-            Ok(published) if published.scene.is_some() => each(&published),
+            Ok(published) if published.scene.is_some() => each(&model, &published),
             Ok(_) => {}
             Err(StepError::Skipped(reason)) => {
                 skipped += 1;

@@ -6,13 +6,15 @@ use doorcam::analysis::Quantiles;
 use doorcam::analysis::evaluation::Report;
 
 /// Two lines of a column's title.
-const TITLES: [[&str; 2]; 13] = [
+const TITLES: [[&str; 2]; 15] = [
     ["", "recording"],
     ["", "frames"],
     ["", "targets"],
     ["mean", "m"],
     ["RMSE", "m"],
     ["p95", "m"],
+    ["bound", "m"],
+    ["efficiency", "%"],
     ["missed", "%"],
     ["", "false"],
     ["false", "tracks"],
@@ -55,6 +57,8 @@ fn row(report: &Report) -> [String; TITLES.len()] {
         metres(report.mean_error_m),
         metres(report.rmse_m),
         metres(report.p95_error_m),
+        metres(report.bound_m),
+        percent(report.efficiency),
         percent(report.missed_share),
         report.strays.to_string(),
         report.false_tracks.to_string(),
@@ -93,6 +97,8 @@ mod tests {
             false_tracks: 0,
             ellipse_share: Some(1.0),
             median_nees: Some(1.2),
+            bound_m: Some(0.021),
+            efficiency: Some(0.15),
         }
     }
 
@@ -107,15 +113,17 @@ mod tests {
             mean_error_m: None,
             rmse_m: None,
             p95_error_m: None,
+            bound_m: None,
+            efficiency: None,
             missed_share: None,
             ellipse_share: None,
             ..report()
         };
         let expected = "
-                                    mean   RMSE    p95  missed          false            in ellipse  GOSPA               solve, total
-recording         frames  targets      m      m      m       %  false  tracks  switches           %      m               p50 / p99 ms
-evening               60       55  0.112  0.140  0.300     5.5   1204       0         2       100.0  0.100  0.30 / 1.00, 1.50 / 12.25
-much-longer-ñame      60        0      –      –      –       –   1204       0         2           –  0.100                          –
+                                    mean   RMSE    p95  bound  efficiency  missed          false            in ellipse  GOSPA               solve, total
+recording         frames  targets      m      m      m      m           %       %  false  tracks  switches           %      m               p50 / p99 ms
+evening               60       55  0.112  0.140  0.300  0.021        15.0     5.5   1204       0         2       100.0  0.100  0.30 / 1.00, 1.50 / 12.25
+much-longer-ñame      60        0      –      –      –      –           –       –   1204       0         2           –  0.100                          –
 ";
         assert_eq!(format!("\n{}", table(&[full, empty])), expected);
     }

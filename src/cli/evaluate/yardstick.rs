@@ -1,0 +1,40 @@
+//! How well those found could have been located at all.
+
+use std::sync::Arc;
+
+use doorcam::analysis::bound::RoomBound;
+use doorcam::analysis::evaluation::Estimate;
+use doorcam::geometry::Point;
+use doorcam::measurement::Sensing;
+use doorcam::pipeline::{Model, Published};
+
+/// The bound for the background in use; made when that changes.
+#[derive(Default)]
+pub(super) struct Yardstick(Option<(Arc<Sensing>, RoomBound)>);
+
+impl Yardstick {
+    /// Of one update; none with the published model.
+    pub(super) fn of(&mut self, model: &Model, published: &Published) -> Option<&RoomBound> {
+        let sensing = published.sensing.as_ref()?;
+        if !self.0.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, sensing)) {
+            let bound = RoomBound::new(&model.doorway, &model.patch, model.body_radius_m, sensing);
+            self.0 = Some((Arc::clone(sensing), bound));
+        }
+        self.0.as_ref().map(|(_, bound)| bound)
+    }
+}
+
+/// The least error of somebody at `place` who is as bright as what they were found as.
+pub(super) fn bound_m(
+    bound: Option<&RoomBound>,
+    published: &Published,
+    place: Point,
+    estimate: &Estimate,
+) -> Option<f64> {
+    let rgb = match estimate.id {
+        Some(id) => published.update.tracks.iter().find(|track| track.id == id)?.rgb,
+        None => published.detections.iter().find(|detection| detection.position == estimate.position)?.rgb,
+    };
+    let [[xx, _], [_, yy]] = bound?.covariance(place, rgb)?;
+    Some((xx + yy).sqrt())
+}
