@@ -1,4 +1,4 @@
-/** @import { Calibration, CalibrationDocument, Check, Geometry, Status, Update } from "./types.js" */
+/** @import { Calibration, CalibrationDocument, Check, Geometry, Status, Uncertainty, Update } from "./types.js" */
 
 // Relative to the page, so that doorcam also works under a path of a reverse proxy.
 const BASE = new URL("api/v1/", document.baseURI);
@@ -70,6 +70,9 @@ export const getStatus = () => getJson("status");
 
 /** @returns {Promise<Update>} */
 export const getReconstruction = () => getJson("reconstruction");
+
+/** @returns {Promise<Uncertainty>} */
+export const getUncertainty = () => getJson("uncertainty");
 
 /** @returns {Promise<CalibrationDocument>} */
 export const getCalibration = () => getJson("calibration");

@@ -14,6 +14,7 @@ import { showSource } from "./panels/source.js";
 import { showConnection, showStatus, showUpdate, showWatchState } from "./panels/status.js";
 import { Tooltip } from "./panels/tooltip.js";
 import { showTracks } from "./panels/tracks.js";
+import { UncertaintyLayer } from "./panels/uncertainty.js";
 import { Route } from "./route.js";
 
 /** @import { Choice, Status, Update } from "./types.js" */
@@ -29,6 +30,7 @@ const difference = new DifferencePicture();
 const map = new RoomMap(byId("map", HTMLCanvasElement), drawn);
 const tooltip = new Tooltip(map);
 const reset = new ResetButton();
+const uncertainty = new UncertaintyLayer(map);
 const calibration = new CalibrationView(calibrated);
 const route = new Route({ onShow: showView, mayLeave: () => calibration.mayLeave() });
 const live = new LiveSocket(liveUrl(), { onPhase, onMessage });
@@ -257,6 +259,7 @@ function refreshPanels() {
   refreshConnection();
   const now = nowS();
   showUpdate(newest, arrivals.rateHz(now), arrivals.missed);
+  uncertainty.follow(live.phase === "open" && geometryOf === connection, now);
   if (!newest || !map.geometry || geometryOf !== connection) return;
   const chosen = choice();
   const scale = scales.of(chosen);
@@ -270,6 +273,7 @@ function refreshPanels() {
 byId("layer").addEventListener("change", choose);
 byId("signs").addEventListener("change", choose);
 byId("brightness").addEventListener("change", choose);
+byId("uncertainty").addEventListener("change", refreshPanels);
 byId("lit").addEventListener("toggle", refreshPanels);
 window.addEventListener("online", () => live.hurry());
 document.addEventListener("visibilitychange", () => {

@@ -108,6 +108,16 @@
  * @property {{ frames: number, age_s: number | null, progress: number | null } | null} background  progress: while it is learned
  */
 
+/**
+ * The least error with which one frame can locate a person, over the room.
+ * @typedef {object} Uncertainty
+ * @property {number[]} x_m  middles of the cells
+ * @property {number[]} y_m
+ * @property {(number | null)[][]} error_m  a row for each y; null where the pixels tell nothing
+ * @property {number} threshold_m  above it, nobody is observable
+ * @property {number} calibration  revision it was made for
+ */
+
 /** @typedef {[number, number]} Pixel  u, v; (0, 0) is the centre of the top left pixel */
 
 /** @typedef {{ width_m: number, wall_thickness_m: number, height_m: number | null }} Doorway */

@@ -27,6 +27,9 @@ describe("everyone", () => {
     await page.keyboard.press("ArrowRight");
     assert.equal(await page.getByLabel("Shrunk light").isChecked(), true);
     await page.keyboard.press("Tab");
+    await page.keyboard.press("Space");
+    assert.equal(await page.getByLabel("Uncertainty").isChecked(), true);
+    await page.keyboard.press("Tab");
     await page.keyboard.press("Enter");
     await page.locator("#lit[open]").waitFor();
   });

@@ -12,7 +12,7 @@ import * as scene from "./scene.js";
 
 /** @import { IncomingMessage, ServerResponse } from "node:http" */
 /** @import { AddressInfo } from "node:net" */
-/** @import { Calibration, CalibrationDocument, Update } from "../../web/types.js" */
+/** @import { Calibration, CalibrationDocument, Uncertainty, Update } from "../../web/types.js" */
 
 const WEB = fileURLToPath(new URL("../../web/", import.meta.url));
 const API = "/api/v1/";
@@ -72,6 +72,8 @@ export class Mock {
     /** @type {Update | null} */
     this.latest = null;
     this.latestAt = 0;
+    /** @type {Uncertainty | null} */
+    this.uncertainty = null;
     this.calibration = new MockCalibration();
     /** @type {Buffer | null} */
     this.frame = cameraPicture();
@@ -145,6 +147,7 @@ export class Mock {
     const age_s = (Date.now() - this.latestAt) / 1000;
     const last_update = this.latest && { sequence: this.latest.sequence, age_s };
     if (name === "geometry" && this.status.calibrated) return json(response, this.geometry);
+    if (name === "uncertainty" && this.uncertainty) return json(response, this.uncertainty);
     if (name === "status") return json(response, { ...this.status, last_update });
     if (name === "reconstruction" && this.latest) return json(response, this.latest);
     if (name === "difference.png" && this.latest && this.hasPictures) {

@@ -223,6 +223,38 @@ describe("map", () => {
     await page.getByText("In zones: bed 2").waitFor();
   });
 
+  test("shows where somebody can be located at all, and where not", async (t) => {
+    const { mock, page, complaints } = await visit(t, {}, (mock) => {
+      mock.uncertainty = {
+        x_m: [-1, 0, 1],
+        y_m: [0.5, 1.5, 2.5],
+        error_m: [[0.02, 0.01, 0.02], [0.2, 0.1, 0.2], [null, 0.4, 0.9]],
+        threshold_m: 0.5,
+        calibration: mock.geometry.calibration,
+      };
+    });
+    mock.send(update(1, []));
+    await draws(page, 1);
+    // Off the lines of facets and grid.
+    const near = /** @type {const} */ ([0.13, 0.43]);
+    const far = /** @type {const} */ ([0.13, 2.36]);
+    const bare = await colourAt(page, [...far]);
+    await page.getByLabel("Uncertainty").check({ force: true });
+    await page.getByText("0.5 m or better in 78 % of the room").waitFor();
+    await settled(page);
+    const [nearNow, farNow] = [await colourAt(page, [...near]), await colourAt(page, [...far])];
+    assert.ok(farNow[2] > nearNow[2] + 30, `fog thickens with the error: ${nearNow} ${farNow}`);
+    await page.getByLabel("Uncertainty").uncheck({ force: true });
+    await settled(page);
+    assert.deepEqual(await colourAt(page, [...far]), bare);
+    assert.equal(await page.locator("#uncertainty-key").isVisible(), false);
+    // What is not known is said in the daemon's words.
+    mock.uncertainty = null;
+    await page.getByLabel("Uncertainty").check({ force: true });
+    await page.getByText("Not known: Not Found").waitFor();
+    assert.deepEqual(complaints.filter((line) => !line.includes("404")), []);
+  });
+
   test("is sharp on a dense screen and draws a thick wall to scale", async (t) => {
     const { mock, page } = await visit(t, { deviceScaleFactor: 2 }, (mock) => {
       mock.geometry.doorway = { width_m: 0.85, wall_thickness_m: 0.12, height_m: 2.03 };

@@ -19,6 +19,8 @@ export const INK = {
   track: "#f4f7fa",
   trail: "rgb(244 247 250 / 0.4)",
   zone: "#7fc8a9",
+  fog: "#8fa8c4",
+  fogHatch: "rgb(10 14 19 / 0.75)",
   highlight: "#ffffff",
 };
 

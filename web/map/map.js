@@ -2,10 +2,11 @@ import { drawHighlight, drawLitFacets, facetAt } from "./facets.js";
 import { drawRoom } from "./room.js";
 import { drawTracks } from "./tracks.js";
 import { Trails } from "./trails.js";
+import { drawUncertainty } from "./uncertainty.js";
 import { Viewport, boundsOf, heightFor } from "./viewport.js";
 import { drawZones } from "./zones.js";
 
-/** @import { Choice, Geometry, Point, Update } from "../types.js" */
+/** @import { Choice, Geometry, Point, Uncertainty, Update } from "../types.js" */
 /** @import { Bounds } from "./viewport.js" */
 
 /**
@@ -36,6 +37,8 @@ export class RoomMap {
     this.scale = 0;
     /** @type {number | null} */
     this.highlight = null;
+    /** @type {Uncertainty | null} */
+    this.uncertainty = null;
     this.trails = new Trails();
     this.scheduled = false;
     new ResizeObserver(() => this.#resized()).observe(canvas);
@@ -73,6 +76,13 @@ export class RoomMap {
   choose(choice, scale) {
     this.choice = choice;
     this.scale = scale;
+    this.#schedule();
+  }
+
+  /** @param {Uncertainty | null} uncertainty  null: not to be shown */
+  setUncertainty(uncertainty) {
+    if (uncertainty === this.uncertainty) return;
+    this.uncertainty = uncertainty;
     this.#schedule();
   }
 
@@ -141,6 +151,7 @@ export class RoomMap {
     const { ctx, geometry, view, update } = this;
     if (!geometry || !view) return;
     drawRoom(ctx, view, geometry, this.choice.layer);
+    if (this.uncertainty) drawUncertainty(ctx, view, this.uncertainty);
     if (update) drawLitFacets(ctx, view, geometry, update.facets, this.choice, this.scale);
     drawZones(ctx, view, geometry.zones ?? [], update?.zones ?? []);
     if (update) {
