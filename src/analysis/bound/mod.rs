@@ -18,7 +18,7 @@ mod sample;
 mod tests;
 
 pub use person::PersonSetup;
-pub use plan::Knob;
+pub use plan::Choice;
 pub use plotted::plotted_angles;
 pub use point::{Bound, Setup, SetupError, Strategy, place_of};
 pub use room::{RoomBound, UncertaintyMap};

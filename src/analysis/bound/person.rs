@@ -69,7 +69,7 @@ impl PersonSetup {
     /// Fisher information on (c, x, y) in one patch.
     fn information(&self, strategy: Strategy, side: Side, place: Point) -> Matrix3<f64> {
         let Setup { doorway, patch_m, pixels, noise } = self.measured;
-        let scene = Scene::new(&doorway, strategy);
+        let aperture = Aperture::new(&doorway, strategy);
         // A pixel is a mean over points of its area.
         let within = FINE.div_ceil(pixels);
         let fine = PatchGrid { size: pixels * within, fov_m: patch_m, layout: PixelLayout::Cells };
@@ -77,9 +77,9 @@ impl PersonSetup {
         let share = 1.0 / (within * within) as f64;
         for (k, point) in fine.points(&doorway, side).into_iter().enumerate() {
             let pixel = k / fine.size / within * pixels + k % fine.size / within;
-            let view = scene.view(point);
-            room[pixel] += share * scene.room(&view);
-            person[pixel] += share * scene.person(&view, self.radius_m, self.height_m, place);
+            let view = aperture.view(point);
+            room[pixel] += share * aperture.room(&view);
+            person[pixel] += share * aperture.person(&view, self.radius_m, self.height_m, place);
         }
         let level = room.iter().sum::<f64>() / room.len() as f64;
         // Of a floor at level 1, the room's part is what the visible side leaves.
@@ -97,7 +97,7 @@ const FINE: usize = 64;
 
 /// What lets a strategy's light through: the doorway, or as much of it as the strategy has.
 #[derive(Debug, Clone)]
-pub(super) struct Scene {
+pub(super) struct Aperture {
     opening: Doorway,
     /// Added to x to come from the doorway's frame to that of the opening.
     shift: f64,
@@ -110,7 +110,7 @@ const HIGH_M: f64 = 1e6;
 /// Step of derivatives, in metres. A body of some width has a penumbra without a step: its light is continuous in its place.
 const STEP_M: f64 = 1e-4;
 
-impl Scene {
+impl Aperture {
     pub(super) fn new(doorway: &Doorway, strategy: Strategy) -> Self {
         let wide = Doorway { width_m: WIDE_M, height_m: None, ..*doorway };
         match strategy {
@@ -150,7 +150,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::super::information::covariance;
-    use super::{FINE, PersonSetup, Scene, Setup, Strategy};
+    use super::{Aperture, FINE, PersonSetup, Setup, Strategy};
     use crate::geometry::Side;
     use crate::transport::{FloorView, PatchGrid, PixelLayout};
 
@@ -165,14 +165,15 @@ mod tests {
             let mut information = DMatrix::<f64>::zeros(7, 7);
             for (s, side) in Side::BOTH.into_iter().enumerate() {
                 let patch = PatchGrid { size: pixels, fov_m: patch_m, layout: PixelLayout::Cells };
-                let scene = Scene::new(&doorway, Strategy::Doorway);
-                let views: Vec<FloorView> = patch.points(&doorway, side).into_iter().map(|p| scene.view(p)).collect();
-                let mean = views.iter().map(|v| scene.room(v)).sum::<f64>() / views.len() as f64;
+                let aperture = Aperture::new(&doorway, Strategy::Doorway);
+                let views: Vec<FloorView> =
+                    patch.points(&doorway, side).into_iter().map(|p| aperture.view(p)).collect();
+                let mean = views.iter().map(|v| aperture.room(v)).sum::<f64>() / views.len() as f64;
                 for view in views {
-                    let person = scene.person(&view, 0.2, 1.7, place) * -0.5 * 0.5 / mean;
+                    let person = aperture.person(&view, 0.2, 1.7, place) * -0.5 * 0.5 / mean;
                     let mut row = DMatrix::zeros(1, 7);
                     (0..3).for_each(|k| row[k] = person[k]);
-                    (row[3 + 2 * s], row[4 + 2 * s]) = (0.5 * scene.room(&view) / mean + 0.5, 1.0);
+                    (row[3 + 2 * s], row[4 + 2 * s]) = (0.5 * aperture.room(&view) / mean + 0.5, 1.0);
                     information += row.transpose() * row / (noise * noise);
                 }
             }

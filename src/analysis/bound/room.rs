@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::information::covariance;
 use super::nuisance::Patterns;
-use super::person::{PersonSetup, Scene};
+use super::person::{Aperture, PersonSetup};
 use super::point::Strategy;
 use crate::geometry::{Doorway, Point, Room, Side};
 use crate::measurement::Sensing;
@@ -16,7 +16,7 @@ use crate::transport::{FloorView, PatchGrid};
 /// patch and colour the still picture (gain) and even light (the visible side's) may be present in any strength.
 #[derive(Debug, Clone)]
 pub struct RoomBound {
-    scene: Scene,
+    aperture: Aperture,
     radius_m: f64,
     /// What each patch's pixels see, two by two, with one over their noise.
     views: [Vec<(FloorView, f64)>; 2],
@@ -47,17 +47,17 @@ const BLOCK: usize = 2;
 impl RoomBound {
     /// For a person of some radius. Needs the patches that `sensing` is of.
     pub fn new(doorway: &Doorway, patch: &PatchGrid, radius_m: f64, sensing: &Sensing) -> Self {
-        let scene = Scene::new(doorway, Strategy::Doorway);
+        let aperture = Aperture::new(doorway, Strategy::Doorway);
         let blocks = [0, 1].map(|s| blocks(doorway, patch, Side::BOTH[s], sensing));
-        let views = blocks.each_ref().map(|blocks| blocks.iter().map(|b| (scene.view(b.point), b.weight)).collect());
+        let views = blocks.each_ref().map(|blocks| blocks.iter().map(|b| (aperture.view(b.point), b.weight)).collect());
         let of = |colour: usize, blocks: &[Block]| {
             let even = blocks.iter().map(|b| b.weight).collect();
             let still = blocks.iter().map(|b| b.weight * b.still[colour]).collect();
             Patterns::new(&[even, still])
         };
         let patterns = [0, 1, 2].map(|colour| blocks.each_ref().map(|blocks| of(colour, blocks)));
-        let usual = usual_strength(&scene, &views, &blocks);
-        Self { scene, radius_m, views, patterns, usual }
+        let usual = usual_strength(&aperture, &views, &blocks);
+        Self { aperture, radius_m, views, patterns, usual }
     }
 
     /// The change of radiance that an ordinary person makes, as [`PersonSetup::USUAL`] has it: darker than a room from which
@@ -71,7 +71,7 @@ impl RoomBound {
     pub fn covariance(&self, place: Point, strength: Rgb) -> Option<[[f64; 2]; 2]> {
         let gradients = self.views.each_ref().map(|views| {
             let gradient = |(view, weight): &(FloorView, f64)| {
-                *weight * self.scene.person(view, self.radius_m, PersonSetup::USUAL.height_m, place)
+                *weight * self.aperture.person(view, self.radius_m, PersonSetup::USUAL.height_m, place)
             };
             views.iter().map(gradient).collect::<Vec<Vector3<f64>>>()
         });
@@ -136,8 +136,8 @@ fn blocks(doorway: &Doorway, patch: &PatchGrid, side: Side, sensing: &Sensing) -
     sums.into_iter().filter(|sum| sum[0] > 0.0).map(block).collect()
 }
 
-fn usual_strength(scene: &Scene, views: &[Vec<(FloorView, f64)>; 2], blocks: &[Vec<Block>; 2]) -> Rgb {
-    let room: f64 = views.iter().flatten().map(|(view, _)| scene.room(view)).sum();
+fn usual_strength(aperture: &Aperture, views: &[Vec<(FloorView, f64)>; 2], blocks: &[Vec<Block>; 2]) -> Rgb {
+    let room: f64 = views.iter().flatten().map(|(view, _)| aperture.room(view)).sum();
     let PersonSetup { contrast, visible_share, .. } = PersonSetup::USUAL;
     [0, 1, 2].map(|colour| {
         let floor: f64 = blocks.iter().flatten().map(|block| block.still[colour]).sum();
@@ -164,11 +164,11 @@ mod tests {
 
     /// A still picture as [`PersonSetup`] has it, each colour at its own level, with that noise.
     fn sensing(setup: &PersonSetup, levels: Rgb, patch: &PatchGrid) -> Sensing {
-        let scene = Scene::new(&setup.measured.doorway, Strategy::Doorway);
+        let aperture = Aperture::new(&setup.measured.doorway, Strategy::Doorway);
         let mut still = PatchPair::zeros(patch.size);
         for side in Side::BOTH {
             let points = patch.points(&setup.measured.doorway, side);
-            let room: Vec<f64> = points.into_iter().map(|point| scene.room(&scene.view(point))).collect();
+            let room: Vec<f64> = points.into_iter().map(|point| aperture.room(&aperture.view(point))).collect();
             let mean = room.iter().sum::<f64>() / room.len() as f64;
             for (colour, level) in levels.into_iter().enumerate() {
                 let plane = still.side_mut(side).plane_mut(colour);

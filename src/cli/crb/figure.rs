@@ -1,7 +1,7 @@
 //! Figure 5 of the paper, for any setup, and the curves of a sweep.
 
 use anyhow::Context;
-use doorcam::analysis::bound::{Knob, Strategy, place_of, sample_measurement};
+use doorcam::analysis::bound::{Choice, Strategy, place_of, sample_measurement};
 use doorcam::render::{BoundPanel, BoundPicture, Curve, CurvesPanel, CurvesPicture, Region, bound_svg, curves_svg};
 
 use super::options::Target;
@@ -14,7 +14,7 @@ const SEED: u64 = 1;
 
 pub(super) fn svg(arguments: &Arguments, target: &Target, rows: &[Row]) -> anyhow::Result<String> {
     if let Some(sweep) = &arguments.sweep {
-        return Ok(curves(target, sweep.knob, sweep.values.len(), rows));
+        return Ok(curves(target, sweep.choice, sweep.values.len(), rows));
     }
     let doorway = target.measured().doorway;
     let dot =
@@ -59,7 +59,7 @@ fn regions(arguments: &Arguments, strategy: Strategy, rows: &[Row]) -> Vec<Regio
 }
 
 /// The error against what is swept, a panel a place.
-fn curves(target: &Target, knob: Knob, values: usize, rows: &[Row]) -> String {
+fn curves(target: &Target, choice: Choice, values: usize, rows: &[Row]) -> String {
     let panel = |rows: &[Row]| {
         let curve = |(k, strategy): (usize, Strategy)| Curve {
             name: title(strategy).into(),
@@ -73,8 +73,8 @@ fn curves(target: &Target, knob: Knob, values: usize, rows: &[Row]) -> String {
     };
     let panels: Vec<CurvesPanel> = rows.chunks(values.max(1)).map(panel).collect();
     let caption =
-        format!("Least error of an unbiased estimate. Before the {} changes: {}", knob.name(), setting(target));
-    let (x_label, y_label) = (knob.unit(), "error of the position [m]");
+        format!("Least error of an unbiased estimate. Before the {} changes: {}", choice.name(), setting(target));
+    let (x_label, y_label) = (choice.unit(), "error of the position [m]");
     curves_svg(&CurvesPicture { x_label, y_label, panels: &panels, caption: &caption })
 }
 

@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use doorcam::analysis::bound::{Bound, Knob, plotted_angles};
+use doorcam::analysis::bound::{Bound, Choice, plotted_angles};
 use doorcam::geometry::{Biangular, Point};
 use doorcam::render::png;
 use rayon::prelude::*;
@@ -23,14 +23,15 @@ use options::{Angles, Sweep, Target, TargetOptions};
 /// Angles are those at the left and at the right edge, from the opening's side, in degrees.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-What a file shows follows its ending: .svg and .png the figure, .csv numbers. Columns of the CSV: strategy, phi1_deg, phi2_deg, sd_c,
-sd_phi1_rad, sd_phi2_rad; with --sweep, the swept value comes first, and x_m, y_m, sd_x_m, sd_y_m, error_m last. What the pixels
-cannot tell is inf.
+A file is what its name ends in: .svg and .png show the figure, or the curves of a sweep; .csv has the numbers:
+  strategy, phi1_deg, phi2_deg, sd_c, sd_phi1_rad, sd_phi2_rad
+With --sweep, the swept value comes first, and x_m, y_m, sd_x_m, sd_y_m, error_m last. What the pixels cannot tell
+is inf, in the table a dash.
 
-error is the root of the mean squared distance from the true place, what an evaluation calls RMSE.
+error: root of the mean squared distance from the true place, what an evaluation calls RMSE.
 
-With --sweep, light is counted as photons are: a pixel that gets k times the light, by its area or the exposure, has the
-square root of k times the noise.
+With --sweep, light is counted as photons are: a pixel that gets k times the light, by its area or the exposure, has
+the square root of k times the noise.
 
 Examples:
   doorcam crb --output figure5.png
@@ -80,13 +81,13 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let places = places(arguments, &target)?;
     let rows = rows(arguments, &target, &places)?;
-    let knob = arguments.sweep.as_ref().map(|sweep| sweep.knob);
+    let choice = arguments.sweep.as_ref().map(|sweep| sweep.choice);
     let Some(path) = &arguments.output else {
-        write!(std::io::stdout().lock(), "{}", text::table(knob, &rows))?;
+        write!(std::io::stdout().lock(), "{}", text::table(choice, &rows))?;
         return Ok(());
     };
     match extension(path) {
-        "csv" => save(path, text::csv(knob, &rows).as_bytes()),
+        "csv" => save(path, text::csv(choice, &rows).as_bytes()),
         kind => {
             let svg = figure::svg(arguments, &target, &rows)?;
             if kind == "png" { save(path, &png(&svg, figure::WIDTH)?) } else { save(path, svg.as_bytes()) }
@@ -121,10 +122,10 @@ fn places(arguments: &Arguments, target: &Target) -> anyhow::Result<Vec<Point>> 
 fn rows(arguments: &Arguments, target: &Target, places: &[Point]) -> anyhow::Result<Vec<Row>> {
     let targets: Vec<(Option<f64>, Target)> = match &arguments.sweep {
         None => vec![(None, *target)],
-        Some(Sweep { knob, values }) => {
+        Some(Sweep { choice, values }) => {
             let swept = |&value: &f64| {
-                let other = target.with(*knob, value);
-                let named = || format!("--sweep {}", knob.name());
+                let other = target.with(*choice, value);
+                let named = || format!("--sweep {}", choice.name());
                 other.validate().map_err(anyhow::Error::new).with_context(named)?;
                 Ok((Some(value), other))
             };
@@ -151,7 +152,7 @@ fn save(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 
 impl Row {
     /// The value of what is swept, as it was written.
-    fn value(&self, knob: Option<Knob>) -> Option<(Knob, f64)> {
-        knob.zip(self.value)
+    fn value(&self, choice: Option<Choice>) -> Option<(Choice, f64)> {
+        choice.zip(self.value)
     }
 }

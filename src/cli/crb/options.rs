@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use doorcam::analysis::bound::{Bound, Knob, PersonSetup, Setup, SetupError};
+use doorcam::analysis::bound::{Bound, Choice, PersonSetup, Setup, SetupError};
 use doorcam::geometry::{Biangular, Doorway, Point};
 
 /// What is located, and with what.
@@ -97,10 +97,10 @@ impl Target {
         }
     }
 
-    pub(super) fn with(&self, knob: Knob, value: f64) -> Self {
+    pub(super) fn with(&self, choice: Choice, value: f64) -> Self {
         match self {
-            Target::Point(setup) => Target::Point(setup.with(knob, value)),
-            Target::Person(setup) => Target::Person(setup.with(knob, value)),
+            Target::Point(setup) => Target::Point(setup.with(choice, value)),
+            Target::Person(setup) => Target::Person(setup.with(choice, value)),
         }
     }
 }
@@ -112,7 +112,7 @@ pub(super) struct Angles(pub(super) Biangular);
 /// One choice and the values to try.
 #[derive(Debug, Clone)]
 pub(super) struct Sweep {
-    pub(super) knob: Knob,
+    pub(super) choice: Choice,
     pub(super) values: Vec<f64>,
 }
 
@@ -138,16 +138,16 @@ pub(super) fn place(text: &str) -> Result<Point, String> {
 
 pub(super) fn sweep(text: &str) -> Result<Sweep, String> {
     let (name, values) = text.split_once('=').map_or((text, None), |(name, values)| (name, Some(values)));
-    let knob = Knob::ALL.into_iter().find(|knob| knob.name() == name);
-    let knob = knob.ok_or("expected patch, pixels, exposure, door or wall")?;
-    let Some(values) = values else { return Ok(Sweep { knob, values: knob.usual().to_vec() }) };
+    let choice = Choice::ALL.into_iter().find(|choice| choice.name() == name);
+    let choice = choice.ok_or("expected patch, pixels, exposure, door or wall")?;
+    let Some(values) = values else { return Ok(Sweep { choice, values: choice.usual().to_vec() }) };
     let values: Result<Vec<f64>, _> = values.split(',').map(|v| v.trim().parse()).collect();
-    let expected = || format!("expected numbers after {name}=, as {name}={},{}", knob.usual()[1], knob.usual()[3]);
+    let expected = || format!("expected numbers after {name}=, as {name}={},{}", choice.usual()[1], choice.usual()[3]);
     let values = values.map_err(|_| expected())?;
-    if values.iter().any(|v| !v.is_finite()) || (knob == Knob::Pixels && values.iter().any(|v| v.fract() != 0.0)) {
+    if values.iter().any(|v| !v.is_finite()) || (choice == Choice::Pixels && values.iter().any(|v| v.fract() != 0.0)) {
         return Err(expected());
     }
-    Ok(Sweep { knob, values })
+    Ok(Sweep { choice, values })
 }
 
 pub(super) fn output(text: &str) -> Result<PathBuf, String> {

@@ -1,11 +1,11 @@
 //! Tables and CSV.
 
-use doorcam::analysis::bound::{Bound, Knob, Strategy};
+use doorcam::analysis::bound::{Bound, Choice, Strategy};
 
 use super::Row;
 
 /// A row a strategy and target, every column as wide as it needs to be.
-pub(super) fn table(knob: Option<Knob>, rows: &[Row]) -> String {
+pub(super) fn table(choice: Option<Choice>, rows: &[Row]) -> String {
     let mut cells: Vec<Vec<String>> = Vec::new();
     let mut title: Vec<String> =
         ["strategy", "phi1", "phi2", "x", "y", "sd c", "sd phi1", "sd phi2", "sd x", "sd y", "error"]
@@ -13,16 +13,16 @@ pub(super) fn table(knob: Option<Knob>, rows: &[Row]) -> String {
             .to_vec();
     let mut units: Vec<String> =
         ["", "deg", "deg", "m", "m", "%", "deg", "deg", "m", "m", "m"].map(String::from).to_vec();
-    if let Some(knob) = knob {
-        let unit = if matches!(knob, Knob::Patch | Knob::Door | Knob::Wall) { "m" } else { "" };
-        title.insert(1, knob.name().into());
+    if let Some(choice) = choice {
+        let unit = if matches!(choice, Choice::Patch | Choice::Door | Choice::Wall) { "m" } else { "" };
+        title.insert(1, choice.name().into());
         units.insert(1, unit.into());
     }
     cells.extend([title, units]);
     for (row, strategy, bound) in lines(rows) {
         let [sd_x, sd_y] = deviations(bound);
         let mut line = vec![strategy.name().to_owned()];
-        line.extend(row.value(knob).map(|(_, value)| value.to_string()));
+        line.extend(row.value(choice).map(|(_, value)| value.to_string()));
         line.extend([row.angles.alpha1, row.angles.alpha2].map(|a| format!("{:.1}", a.to_degrees())));
         line.extend(row.place.map(|v| format!("{v:.2}")));
         line.push(short(100.0 * bound.sd_c));
@@ -45,17 +45,17 @@ pub(super) fn table(knob: Option<Knob>, rows: &[Row]) -> String {
 }
 
 /// The columns that other programs read: those of a sweep have their value first and metres last.
-pub(super) fn csv(knob: Option<Knob>, rows: &[Row]) -> String {
-    let mut text = knob.map_or_else(String::new, |knob| format!("{},", knob.name()));
+pub(super) fn csv(choice: Option<Choice>, rows: &[Row]) -> String {
+    let mut text = choice.map_or_else(String::new, |choice| format!("{},", choice.name()));
     text += "strategy,phi1_deg,phi2_deg,sd_c,sd_phi1_rad,sd_phi2_rad";
-    text += if knob.is_some() { ",x_m,y_m,sd_x_m,sd_y_m,error_m\n" } else { "\n" };
+    text += if choice.is_some() { ",x_m,y_m,sd_x_m,sd_y_m,error_m\n" } else { "\n" };
     for (row, strategy, bound) in lines(rows) {
         let [phi1, phi2] = [row.angles.alpha1, row.angles.alpha2].map(degrees);
-        if let Some((_, value)) = row.value(knob) {
+        if let Some((_, value)) = row.value(choice) {
             text += &format!("{value},");
         }
         text += &format!("{},{phi1},{phi2},{:e},{:e},{:e}", strategy.name(), bound.sd_c, bound.sd_phi1, bound.sd_phi2);
-        if knob.is_some() {
+        if choice.is_some() {
             let ([x, y], [sd_x, sd_y]) = (row.place, deviations(bound));
             text += &format!(",{x},{y},{sd_x:e},{sd_y:e},{:e}", bound.error_m());
         }
