@@ -84,8 +84,16 @@ fn the_table_says_the_same_in_degrees_and_metres() {
         let shown: f64 = cell.parse().unwrap();
         assert!((shown / number(row, column).to_degrees() - 1.0).abs() < 0.01, "{cell} {row:?}");
     }
-    let [x, y, error] = [8, 9, 10].map(|k| door[k].parse::<f64>().unwrap());
+    let [x, y, correlation, error] = [8, 9, 10, 11].map(|k| door[k].parse::<f64>().unwrap());
     assert!((x.hypot(y) / error - 1.0).abs() < 0.01);
+    let of = |strategy: &str, place: &str| -> f64 {
+        let table = crb(&["--place", place]);
+        let row = table.lines().find(|line| line.starts_with(strategy)).unwrap().to_owned();
+        row.split_whitespace().nth(10).unwrap().parse().unwrap()
+    };
+    assert!((correlation + of("doorway", "0.25,1")).abs() < 2e-3, "the mirror turns its sign");
+    // One edge leaves only its ray, which leads to the right.
+    assert!(of("single-corner", "-0.25,1") > 0.95);
 }
 
 #[test]

@@ -25,10 +25,10 @@ use options::{Angles, Sweep, Target, TargetOptions};
 #[command(after_help = "\
 A file is what its name ends in: .svg and .png show the figure, or the curves of a sweep; .csv has the numbers:
   strategy, phi1_deg, phi2_deg, sd_c, sd_phi1_rad, sd_phi2_rad
-With --sweep, the swept value comes first, and x_m, y_m, sd_x_m, sd_y_m, error_m last. What the pixels cannot tell
-is inf, in the table a dash.
+With --sweep, the swept value comes first, and x_m, y_m, sd_x_m, sd_y_m, corr_xy, error_m last. What the pixels
+cannot tell is inf, in the table a dash.
 
-error: root of the mean squared distance from the true place, what an evaluation calls RMSE.
+corr: correlation of x and y. error: root of the mean squared distance from the true place, what an evaluation calls RMSE.
 
 With --sweep, light is counted as photons are: a pixel that gets k times the light, by its area or the exposure, has
 the square root of k times the noise.

@@ -7,12 +7,9 @@ use super::Row;
 /// A row a strategy and target, every column as wide as it needs to be.
 pub(super) fn table(choice: Option<Choice>, rows: &[Row]) -> String {
     let mut cells: Vec<Vec<String>> = Vec::new();
-    let mut title: Vec<String> =
-        ["strategy", "phi1", "phi2", "x", "y", "sd c", "sd phi1", "sd phi2", "sd x", "sd y", "error"]
-            .map(String::from)
-            .to_vec();
-    let mut units: Vec<String> =
-        ["", "deg", "deg", "m", "m", "%", "deg", "deg", "m", "m", "m"].map(String::from).to_vec();
+    let titles = ["strategy", "phi1", "phi2", "x", "y", "sd c", "sd phi1", "sd phi2", "sd x", "sd y", "corr", "error"];
+    let mut title = titles.map(String::from).to_vec();
+    let mut units = ["", "deg", "deg", "m", "m", "%", "deg", "deg", "m", "m", "xy", "m"].map(String::from).to_vec();
     if let Some(choice) = choice {
         let unit = if matches!(choice, Choice::Patch | Choice::Door | Choice::Wall) { "m" } else { "" };
         title.insert(1, choice.name().into());
@@ -27,7 +24,9 @@ pub(super) fn table(choice: Option<Choice>, rows: &[Row]) -> String {
         line.extend(row.place.map(|v| format!("{v:.2}")));
         line.push(short(100.0 * bound.sd_c));
         line.extend([bound.sd_phi1, bound.sd_phi2].map(|a| short(a.to_degrees())));
-        line.extend([sd_x, sd_y, bound.error_m()].map(short));
+        line.extend([sd_x, sd_y].map(short));
+        line.push(correlation(bound).map_or_else(|| short(f64::INFINITY), |value| format!("{value:.3}")));
+        line.push(short(bound.error_m()));
         cells.push(line);
     }
     let width = |column: usize| cells.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
@@ -48,7 +47,7 @@ pub(super) fn table(choice: Option<Choice>, rows: &[Row]) -> String {
 pub(super) fn csv(choice: Option<Choice>, rows: &[Row]) -> String {
     let mut text = choice.map_or_else(String::new, |choice| format!("{},", choice.name()));
     text += "strategy,phi1_deg,phi2_deg,sd_c,sd_phi1_rad,sd_phi2_rad";
-    text += if choice.is_some() { ",x_m,y_m,sd_x_m,sd_y_m,error_m\n" } else { "\n" };
+    text += if choice.is_some() { ",x_m,y_m,sd_x_m,sd_y_m,corr_xy,error_m\n" } else { "\n" };
     for (row, strategy, bound) in lines(rows) {
         let [phi1, phi2] = [row.angles.alpha1, row.angles.alpha2].map(degrees);
         if let Some((_, value)) = row.value(choice) {
@@ -57,7 +56,8 @@ pub(super) fn csv(choice: Option<Choice>, rows: &[Row]) -> String {
         text += &format!("{},{phi1},{phi2},{:e},{:e},{:e}", strategy.name(), bound.sd_c, bound.sd_phi1, bound.sd_phi2);
         if choice.is_some() {
             let ([x, y], [sd_x, sd_y]) = (row.place, deviations(bound));
-            text += &format!(",{x},{y},{sd_x:e},{sd_y:e},{:e}", bound.error_m());
+            let correlation = correlation(bound).unwrap_or(0.0);
+            text += &format!(",{x},{y},{sd_x:e},{sd_y:e},{correlation},{:e}", bound.error_m());
         }
         text.push('\n');
     }
@@ -76,6 +76,13 @@ fn lines(rows: &[Row]) -> impl Iterator<Item = (&Row, Strategy, &Bound)> {
 
 fn deviations(bound: &Bound) -> [f64; 2] {
     [0, 1].map(|k| bound.covariance_m2[k][k].sqrt())
+}
+
+/// Of x and y; none where the pixels do not tell.
+fn correlation(bound: &Bound) -> Option<f64> {
+    let [sd_x, sd_y] = deviations(bound);
+    let correlation = bound.covariance_m2[0][1] / (sd_x * sd_y);
+    (sd_x.is_finite() && correlation.is_finite()).then_some(correlation)
 }
 
 /// Three significant digits; what the pixels cannot tell is a dash.
