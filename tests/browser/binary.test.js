@@ -97,6 +97,23 @@ describe("the real program", () => {
     assert.deepEqual(complaints, []);
   });
 
+  test("lists and draws the people who are really followed", { skip }, async (t) => {
+    const { page, complaints, close } = await open(browser, url);
+    t.after(close);
+    page.setDefaultTimeout(FIRST_PICTURE_MS);
+    const follows = page.locator("#tracks li", { hasText: "confirmed" }).first();
+    // Somebody walks on between two looks, so that it takes some until list and map are of one update.
+    for (let tries = 0, drawn = false; !drawn; tries++) {
+      assert.ok(tries < 100, "no marker on the map where the list says that somebody is");
+      const words = await follows.innerText();
+      const place = /([−-]?\d+\.\d+), ([−-]?\d+\.\d+) m/.exec(words);
+      assert.ok(place, words);
+      const [x, y] = place.slice(1).map((digits) => Number(digits.replace("−", "-")));
+      drawn = Math.min(...(await look(page, [x, y])).colour) > 230;
+    }
+    assert.deepEqual(complaints, []);
+  });
+
   for (const [name, options] of /** @type {const} */ ([
     ["binary-dark", { viewport: DESKTOP, colorScheme: "dark" }],
     ["binary-phone", { viewport: PHONE, deviceScaleFactor: 2, hasTouch: true }],
