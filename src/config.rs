@@ -1,5 +1,6 @@
 //! The configuration file: every key, its default and its range. `config/doorcam.toml` shows them all.
 
+mod access;
 mod background;
 mod camera;
 mod tracking;
@@ -7,6 +8,7 @@ mod tracking;
 use std::net::SocketAddr;
 use std::path::Path;
 
+pub use access::AccessConfig;
 pub use background::{AveragingConfig, BackgroundConfig};
 pub use camera::{CameraConfig, StorageConfig};
 use serde::{Deserialize, Serialize};
@@ -29,6 +31,8 @@ pub struct ConfigError(String);
 pub struct Config {
     /// Where doorcam listens.
     pub server: ServerConfig,
+    /// Who may see, and who may change.
+    pub access: AccessConfig,
     /// What is kept between runs.
     pub storage: StorageConfig,
     /// The camera.
@@ -296,6 +300,7 @@ impl Config {
 
     /// Checks each value's range; what depends on the doorway is checked with it.
     pub fn check(&self) -> Result<(), ConfigError> {
+        self.access.check()?;
         self.camera.check()?;
         within("room.half_width_m", self.room.half_width_m, 0.1, 100.0, "metres")?;
         within("room.depth_m", self.room.depth_m, 0.1, 100.0, "metres")?;

@@ -1,10 +1,10 @@
-use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use doorcam::config::Config;
 use doorcam::source::{Pace, ReplayOptions};
 
-use super::serve::{serve_recording, serve_simulation};
+use super::listening::ListenOptions;
+use super::serve::{access, serve_recording, serve_simulation};
 use super::simulate;
 use super::source::Simulated;
 
@@ -16,7 +16,7 @@ use super::source::Simulated;
 #[command(after_help = "\
 Examples:
   doorcam demo
-  doorcam demo busy-doorway --listen 0.0.0.0:8000
+  doorcam demo busy-doorway --listen 127.0.0.1:8000
   doorcam demo --only-record walk && doorcam reconstruct walk --output pictures
 
 `doorcam simulate --list` shows the scenarios.")]
@@ -24,9 +24,8 @@ pub(super) struct Arguments {
     /// What to show: a scenario's name or a TOML file
     #[arg(default_value = "two-crossing")]
     scenario: String,
-    /// Address and port of the page [default: 127.0.0.1:8080]
-    #[arg(long, value_name = "ADDR:PORT")]
-    listen: Option<SocketAddr>,
+    #[command(flatten)]
+    listening: ListenOptions,
     /// Make a recording of one round in DIR first, replay it again and again and leave it there
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
@@ -39,15 +38,18 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let Arguments { scenario, listen, keep, only_record, seed } = arguments;
+    let Arguments { scenario, listening, keep, only_record, seed } = arguments;
     if let Some(directory) = only_record {
         return simulate::write(scenario, directory, *seed, None);
     }
+    let mut config = Config::default();
+    listening.apply(&mut config);
+    let access = access(&config)?;
     if let Some(directory) = keep {
         simulate::write(scenario, directory, *seed, None)?;
         let looped = ReplayOptions { pace: Pace::Recorded, looped: true };
-        return serve_recording(&Config::default(), directory, looped, "demo", *listen);
+        return serve_recording(&config, directory, looped, "demo", access);
     }
     let simulated = Simulated { scenario: scenario.clone(), seed: *seed, pace: Pace::Recorded, once: false };
-    serve_simulation(&Config::default(), &simulated, "demo", *listen)
+    serve_simulation(&config, &simulated, "demo", access)
 }

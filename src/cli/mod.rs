@@ -8,6 +8,7 @@ mod demo;
 mod devices;
 mod evaluate;
 mod import;
+mod listening;
 mod reconstruct;
 mod record;
 mod serve;

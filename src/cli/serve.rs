@@ -1,4 +1,3 @@
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -7,11 +6,12 @@ use anyhow::{Context, bail};
 use doorcam::config::Config;
 use doorcam::measurement::Calibration;
 use doorcam::pipeline::{CalibrationStore, Calibrator, Engine, Hub, Keeping, Setup, SourceInfo, start};
-use doorcam::server::{Backend, Server};
+use doorcam::server::{Access, Backend, Server};
 use doorcam::source::{Replay, ReplayOptions, Source, SystemClock};
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use tokio::signal::unix::{SignalKind, signal};
 
+use super::listening::ListenOptions;
 use super::source::{self, Simulated, SourceKind, SourceSpec};
 use super::{ModelOptions, engine, engine_of, open_recording, simulate};
 
@@ -28,9 +28,8 @@ pub(super) struct Arguments {
     /// Where frames come from
     #[arg(long, value_name = "SOURCE")]
     source: SourceSpec,
-    /// Address and port to listen on; port 0 takes a free one [default: 127.0.0.1:8080]
-    #[arg(long, value_name = "ADDR:PORT")]
-    listen: Option<SocketAddr>,
+    #[command(flatten)]
+    listening: ListenOptions,
     /// The camera's calibration, made on the page and kept there [default: calibration.json in the storage directory]
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
@@ -53,6 +52,8 @@ struct Watch {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let mut config = arguments.model.config()?;
+    arguments.listening.apply(&mut config);
+    let access = access(&config)?;
     if let Some(directory) = &arguments.storage {
         config.storage.directory.clone_from(directory);
     }
@@ -63,7 +64,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         SourceKind::Camera(name) => camera(&config, name, text, file)?,
         SourceKind::Simulate(simulated) => simulation(&config, simulated, text, file)?,
     };
-    serve(&config, watch, arguments.listen)
+    serve(&config, watch, access)
 }
 
 /// Replays a recording to whoever connects, until interrupted.
@@ -72,9 +73,9 @@ pub(super) fn serve_recording(
     directory: &Path,
     options: ReplayOptions,
     spec: &str,
-    listen: Option<SocketAddr>,
+    access: Access,
 ) -> anyhow::Result<()> {
-    serve(config, replay(config, directory, options, spec, None)?, listen)
+    serve(config, replay(config, directory, options, spec, None)?, access)
 }
 
 /// Shows a simulated doorway to whoever connects, until interrupted.
@@ -82,9 +83,9 @@ pub(super) fn serve_simulation(
     config: &Config,
     simulated: &Simulated,
     spec: &str,
-    listen: Option<SocketAddr>,
+    access: Access,
 ) -> anyhow::Result<()> {
-    serve(config, simulation(config, simulated, spec, None)?, listen)
+    serve(config, simulation(config, simulated, spec, None)?, access)
 }
 
 fn simulation(config: &Config, simulated: &Simulated, spec: &str, file: Option<&Path>) -> anyhow::Result<Watch> {
@@ -193,8 +194,17 @@ fn recorder() -> Option<PrometheusHandle> {
     builder.install_recorder().ok()
 }
 
+/// Who may see and change what: told before anything else is done, for a start that is refused should leave nothing behind.
+pub(super) fn access(config: &Config) -> anyhow::Result<Access> {
+    let access = Access::new(&config.access, config.server.listen, |name| std::env::var_os(name))?;
+    if access.is_exposed() {
+        tracing::warn!("{} needs no token: everybody who reaches it sees and changes everything", config.server.listen);
+    }
+    Ok(access)
+}
+
 /// Shows what is watched to whoever connects, until interrupted.
-fn serve(config: &Config, watch: Watch, listen: Option<SocketAddr>) -> anyhow::Result<()> {
+fn serve(config: &Config, watch: Watch, access: Access) -> anyhow::Result<()> {
     let Watch { source, engine, setup, calibration, keeping, info } = watch;
     let spec = info.spec.clone();
     // Before the hub: what counts without a recorder counts for nobody.
@@ -203,7 +213,7 @@ fn serve(config: &Config, watch: Watch, listen: Option<SocketAddr>) -> anyhow::R
     let hub = Arc::new(hub);
     let runtime = tokio::runtime::Runtime::new().context("cannot start the server's threads")?;
     runtime.block_on(async {
-        let server = Server::bind(listen.unwrap_or(config.server.listen)).await?;
+        let server = Server::bind(config.server.listen, access).await?;
         let mut interrupt = signal(SignalKind::interrupt())?;
         let mut terminate = signal(SignalKind::terminate())?;
         // The port first, then the frames: nobody should miss the beginning of a recording.

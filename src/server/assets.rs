@@ -10,10 +10,20 @@ use super::problem::Problem;
 #[folder = "web/"]
 struct Web;
 
+/// The name of the file that a path asks for.
+fn name(path: &str) -> &str {
+    if path == "/" { "index.html" } else { path.strip_prefix('/').unwrap_or(path) }
+}
+
+/// Whether the page has a file of that path.
+pub(super) fn has(path: &str) -> bool {
+    Web::get(name(path)).is_some()
+}
+
 /// The page's file of that path, or a problem.
 pub(super) fn serve(request: &Request) -> Response {
     let path = request.uri().path();
-    let name = if path == "/" { "index.html" } else { path.trim_start_matches('/') };
+    let name = name(path);
     let Some(file) = Web::get(name) else {
         return Problem::not_found(&format!("there is nothing at {path}")).into_response();
     };

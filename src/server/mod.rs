@@ -1,5 +1,6 @@
 //! The page, the REST API and the live socket.
 
+mod access;
 mod api;
 mod assets;
 mod calibration;
@@ -8,6 +9,7 @@ mod live;
 mod people;
 mod pictures;
 mod problem;
+mod secret_file;
 mod uncertainty;
 
 use std::net::SocketAddr;
@@ -26,6 +28,7 @@ use tokio::sync::watch;
 use tokio::time::timeout;
 use tower_http::set_header::SetResponseHeaderLayer;
 
+pub use self::access::{Access, AccessError};
 use self::pictures::Pictures;
 use self::problem::Problem;
 use crate::pipeline::{Calibrator, Control, Hub};
@@ -77,14 +80,15 @@ struct Shared {
 pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
+    access: Arc<Access>,
 }
 
 /// How long clients are given to leave when the server ends.
 const FAREWELL: Duration = Duration::from_millis(1500);
 
 impl Server {
-    /// Binds the address; port 0 takes a free one.
-    pub async fn bind(address: SocketAddr) -> Result<Self, ServerError> {
+    /// Binds the address, under these rules of access; port 0 takes a free one.
+    pub async fn bind(address: SocketAddr, access: Access) -> Result<Self, ServerError> {
         let failed = |e: std::io::Error| ServerError::Listen {
             address,
             reason: match e.kind() {
@@ -96,7 +100,7 @@ impl Server {
         };
         let listener = TcpListener::bind(address).await.map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
-        Ok(Self { listener, address })
+        Ok(Self { listener, address, access: Arc::new(access) })
     }
 
     /// Where it listens.
@@ -120,7 +124,7 @@ impl Server {
             clients: Arc::default(),
             ending,
         };
-        let serving = axum::serve(self.listener, routes(shared)).with_graceful_shutdown(async move {
+        let serving = axum::serve(self.listener, routes(shared, self.access)).with_graceful_shutdown(async move {
             // An error would mean that nobody is left to tell.
             let _ = told.wait_for(|&e| e).await;
         });
@@ -141,7 +145,7 @@ impl Server {
     }
 }
 
-fn routes(shared: Shared) -> Router {
+fn routes(shared: Shared, access: Arc<Access>) -> Router {
     let v1 = Router::new()
         .route("/status", get(api::status))
         .route("/geometry", get(api::geometry))
@@ -162,7 +166,7 @@ fn routes(shared: Shared) -> Router {
     let fixed = |name: HeaderName, value: &'static str| {
         SetResponseHeaderLayer::if_not_present(name, HeaderValue::from_static(value))
     };
-    Router::new()
+    let all = Router::new()
         .nest("/api/v1", v1)
         .route("/livez", get(|| async { "alive\n" }))
         .route("/readyz", get(api::readyz))
@@ -171,11 +175,12 @@ fn routes(shared: Shared) -> Router {
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
             Problem::method_not_allowed(&format!("{method} is not possible on {}", uri.path()))
         })
+        .with_state(shared);
+    access::layers(all, access)
         .layer(fixed(header::CONTENT_SECURITY_POLICY, "default-src 'self'; frame-ancestors 'none'; base-uri 'none'"))
         .layer(fixed(header::X_CONTENT_TYPE_OPTIONS, "nosniff"))
         .layer(fixed(header::REFERRER_POLICY, "no-referrer"))
         .layer(fixed(header::CACHE_CONTROL, "no-store"))
-        .with_state(shared)
 }
 
 /// The figures for Prometheus; none unless a recorder was installed.

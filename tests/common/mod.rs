@@ -5,6 +5,7 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use doorcam::geometry::Doorway;
@@ -114,10 +115,10 @@ pub fn grey_recording(manifest: &Manifest, frames: usize) -> tempfile::TempDir {
     dir
 }
 
-/// The program, with its arguments.
+/// The program, with its arguments; the tokens of whoever runs the tests are not its own.
 pub fn doorcam<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_doorcam"));
-    command.args(arguments).stdin(Stdio::null());
+    command.args(arguments).stdin(Stdio::null()).env_remove("DOORCAM_TOKEN").env_remove("DOORCAM_READ_TOKEN");
     command
 }
 
@@ -136,6 +137,7 @@ pub struct Daemon {
     child: Child,
     /// `http://ADDRESS:PORT`
     pub url: String,
+    log: Arc<Mutex<String>>,
 }
 
 impl Daemon {
@@ -151,22 +153,33 @@ impl Daemon {
         let mut child = command.stderr(Stdio::piped()).spawn().expect("the program starts");
         let mut stderr = BufReader::new(child.stderr.take().expect("piped"));
         let mut said = String::new();
-        while !said.contains("http://") {
+        while !said.contains("the page is at http") {
             let mut line = String::new();
             if stderr.read_line(&mut line).expect("readable") == 0 {
                 panic!("doorcam ended before it listened: {said}");
             }
             said.push_str(&line);
         }
+        let url = said.split_whitespace().find(|word| word.starts_with("http")).expect("an address").to_owned();
+        let log = Arc::new(Mutex::new(said));
+        let more = Arc::clone(&log);
         // Somebody must go on reading, or the program would block on a full pipe.
-        std::thread::spawn(move || std::io::copy(&mut stderr, &mut std::io::sink()));
-        let url = said.split_whitespace().find(|word| word.starts_with("http://")).expect("an address").to_owned();
-        Self { child, url }
+        std::thread::spawn(move || {
+            for line in stderr.lines().map_while(Result::ok) {
+                more.lock().expect("unpoisoned").push_str(&format!("{line}\n"));
+            }
+        });
+        Self { child, url, log }
     }
 
     /// The process.
     pub fn id(&self) -> u32 {
         self.child.id()
+    }
+
+    /// What it has said on stderr so far.
+    pub fn log(&self) -> String {
+        self.log.lock().expect("unpoisoned").clone()
     }
 
     /// Status code and body of a GET request.

@@ -1,0 +1,118 @@
+use std::sync::Arc;
+
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+
+use super::Access;
+use super::tokens::Scope;
+use crate::server::assets;
+use crate::server::problem::Problem;
+
+/// Why somebody may not do what they ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Refusal {
+    /// There is no token.
+    NoToken,
+    /// It is not one of ours.
+    WrongToken,
+    /// It is, but not for this.
+    Scope,
+}
+
+/// Lets pass who may do what they ask for.
+pub(super) async fn guard(State(access): State<Arc<Access>>, request: Request, next: Next) -> Response {
+    let Some(needed) = needed(request.method(), request.uri().path()) else {
+        return next.run(request).await;
+    };
+    match access.scope_of(request.headers()) {
+        Ok(scope) if scope >= needed => next.run(request).await,
+        Ok(_) => Refusal::Scope.into_response(),
+        Err(refusal) => refusal.into_response(),
+    }
+}
+
+/// The scope that a request takes. Only what is named here is open to everybody, so that a new route is closed until somebody
+/// opens it: whether the process lives and is ready, and the files of the page, which tell nothing of the room.
+fn needed(method: &Method, path: &str) -> Option<Scope> {
+    if matches!(path, "/livez" | "/readyz") || assets::has(path) {
+        return None;
+    }
+    Some(if matches!(*method, Method::GET | Method::HEAD) { Scope::Read } else { Scope::Control })
+}
+
+impl Access {
+    /// What the sender of a request may do.
+    pub(super) fn scope_of(&self, headers: &HeaderMap) -> Result<Scope, Refusal> {
+        if self.tokens.is_empty() {
+            return Ok(Scope::Control);
+        }
+        let Some(token) = bearer(headers) else { return Err(Refusal::NoToken) };
+        self.tokens.scope_of(token).ok_or(Refusal::WrongToken)
+    }
+}
+
+/// The token of `Authorization: Bearer TOKEN`.
+fn bearer(headers: &HeaderMap) -> Option<&[u8]> {
+    let (scheme, token) = headers.get(header::AUTHORIZATION)?.as_bytes().split_at_checked(7)?;
+    scheme.eq_ignore_ascii_case(b"Bearer ").then(|| token.trim_ascii())
+}
+
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        let (status, challenge, detail) = match self {
+            Self::NoToken => (
+                StatusCode::UNAUTHORIZED,
+                "Bearer realm=\"doorcam\"",
+                "a token is needed: Authorization: Bearer TOKEN, or a session of the page",
+            ),
+            Self::WrongToken => (
+                StatusCode::UNAUTHORIZED,
+                "Bearer realm=\"doorcam\", error=\"invalid_token\"",
+                "the token is not one of this doorcam's",
+            ),
+            Self::Scope => (
+                StatusCode::FORBIDDEN,
+                "Bearer realm=\"doorcam\", error=\"insufficient_scope\", scope=\"control\"",
+                "the token is for seeing only: changing something takes the control token",
+            ),
+        };
+        let mut response = Problem::new(status, detail).into_response();
+        response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static(challenge));
+        response
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_page_and_the_probes_are_open() {
+        for path in ["/", "/index.html", "/app.js", "/map/map.js", "/livez", "/readyz"] {
+            assert_eq!(needed(&Method::GET, path), None, "{path}");
+        }
+        for path in ["/metrics", "/api/v1/status", "/api/v1/live", "/livez/", "//api/v1/status", "/api/v1/../", "/new", ""] {
+            assert_eq!(needed(&Method::GET, path), Some(Scope::Read), "{path}");
+            assert_eq!(needed(&Method::HEAD, path), Some(Scope::Read), "{path}");
+            for method in [Method::POST, Method::PUT, Method::DELETE, Method::PATCH, Method::OPTIONS] {
+                assert_eq!(needed(&method, path), Some(Scope::Control), "{method} {path}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_bearer_token_is_read_from_its_header_only() {
+        let read = |value: &'static str| {
+            let mut headers = HeaderMap::new();
+            headers.insert(header::AUTHORIZATION, HeaderValue::from_static(value));
+            bearer(&headers).map(<[u8]>::to_vec)
+        };
+        assert_eq!(read("Bearer abc"), Some(b"abc".to_vec()));
+        assert_eq!(read("bearer  abc "), Some(b"abc".to_vec()));
+        for other in ["", "Bearer", "Basic abc", "abc", "Bearerabc"] {
+            assert_eq!(read(other), None, "{other}");
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! Who may see and change what: layers around every route, so that a new route is covered without knowing of them.
+
+mod guard;
+mod tokens;
+
+use std::ffi::OsString;
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use axum::{Router, middleware};
+
+use self::tokens::Tokens;
+use crate::config::AccessConfig;
+
+/// Why doorcam does not start to serve.
+#[derive(Debug, thiserror::Error)]
+pub enum AccessError {
+    /// Others could reach it, and nothing would hold them off.
+    #[error(
+        "{0} can be reached by others and there is no token, expected --token-file FILE, access.token_file or DOORCAM_TOKEN (or \
+         --allow-unauthenticated, with which everybody who reaches it sees and changes everything)"
+    )]
+    Exposed(SocketAddr),
+    /// A token is given twice.
+    #[error("{variable} and {key} (or its option) are both given, expected one of them")]
+    TwoTokens {
+        /// The key of the file.
+        key: &'static str,
+        /// The variable.
+        variable: &'static str,
+    },
+    /// One token for both scopes.
+    #[error("the token and the read token are the same, expected two different ones")]
+    SameTokens,
+    /// A token that could be guessed, or is no token.
+    #[error("{place} has {length} characters, expected a token of {shortest} to {longest}, as from openssl rand -hex 24")]
+    Length {
+        /// File or variable.
+        place: String,
+        /// Characters.
+        length: usize,
+        /// The fewest.
+        shortest: usize,
+        /// The most.
+        longest: usize,
+    },
+    /// A token that cannot be sent.
+    #[error(
+        "{place} has a character that a header cannot carry, expected a token of printable ASCII characters without spaces"
+    )]
+    Characters {
+        /// File or variable.
+        place: String,
+    },
+    /// A file that cannot be read, or that others can.
+    #[error("{0}")]
+    Secret(String),
+}
+
+/// Who may see and change what.
+#[derive(Debug)]
+pub struct Access {
+    tokens: Tokens,
+    exposed: bool,
+}
+
+impl Access {
+    /// What a configuration says, for a server that listens on that address; `environment` gives the variables `DOORCAM_TOKEN`
+    /// and `DOORCAM_READ_TOKEN`.
+    ///
+    /// Errors: tokens that are none or cannot be read, an address that others can reach without any token.
+    pub fn new(
+        config: &AccessConfig,
+        listen: SocketAddr,
+        environment: impl Fn(&str) -> Option<OsString>,
+    ) -> Result<Self, AccessError> {
+        let tokens = Tokens::load(config, environment)?;
+        let exposed = tokens.is_empty() && !is_loopback(listen);
+        if exposed && !config.allow_unauthenticated {
+            return Err(AccessError::Exposed(listen));
+        }
+        Ok(Self { tokens, exposed })
+    }
+
+    /// Whether everybody in the network can see and change everything.
+    pub fn is_exposed(&self) -> bool {
+        self.exposed
+    }
+}
+
+/// Puts the rules around every route.
+pub(super) fn layers(router: Router, access: Arc<Access>) -> Router {
+    router.layer(middleware::from_fn_with_state(access, guard::guard))
+}
+
+fn is_loopback(address: SocketAddr) -> bool {
+    address.ip().to_canonical().is_loopback()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_that_others_can_reach_takes_a_token_or_a_clear_word() {
+        let none = |_: &str| None;
+        let some = |name: &str| (name == "DOORCAM_READ_TOKEN").then(|| "read-read-read-read-read".into());
+        let closed = AccessConfig::default();
+        let open = AccessConfig { allow_unauthenticated: true, ..AccessConfig::default() };
+        for here in ["127.0.0.1:8080", "127.8.0.1:80", "[::1]:8080", "[::ffff:127.0.0.1]:8080"] {
+            let here = here.parse().unwrap();
+            assert!(!Access::new(&closed, here, none).unwrap().is_exposed());
+            assert!(!Access::new(&open, here, none).unwrap().is_exposed());
+        }
+        for there in ["0.0.0.0:8080", "192.168.1.2:8080", "[::]:8080", "[fe80::1]:8080", "128.0.0.1:1"] {
+            let there = there.parse().unwrap();
+            assert!(matches!(Access::new(&closed, there, none), Err(AccessError::Exposed(_))), "{there}");
+            assert!(Access::new(&open, there, none).unwrap().is_exposed());
+            assert!(!Access::new(&closed, there, some).unwrap().is_exposed());
+            assert!(!Access::new(&open, there, some).unwrap().is_exposed());
+        }
+    }
+}

@@ -1,0 +1,157 @@
+use std::ffi::OsString;
+use std::fmt;
+use std::path::Path;
+
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+use subtle::ConstantTimeEq;
+
+use super::AccessError;
+use crate::config::AccessConfig;
+use crate::server::secret_file;
+
+/// Shortest token: 20 characters of hexadecimal digits are 80 bits, too many to guess.
+const SHORTEST: usize = 20;
+/// Longest token: it must fit into a header.
+const LONGEST: usize = 256;
+
+/// What a client may do; the later may do all that the earlier may.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Scope {
+    /// See everything.
+    Read,
+    /// Change everything, too.
+    Control,
+}
+
+/// A token that is known by its hash: nothing can show it, and hashes are of one length and compare in constant time.
+#[derive(Clone, Copy)]
+struct Token([u8; 32]);
+
+impl Token {
+    fn new(text: &[u8]) -> Self {
+        Self(Sha256::digest(text).into())
+    }
+
+    fn is(self, other: Self) -> bool {
+        self.0.ct_eq(&other.0).into()
+    }
+}
+
+impl fmt::Debug for Token {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Token(redacted)")
+    }
+}
+
+/// The tokens that doorcam was given.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Tokens {
+    control: Option<Token>,
+    read: Option<Token>,
+}
+
+impl Tokens {
+    /// Takes them from the files of the configuration or from the environment.
+    pub(super) fn load(
+        config: &AccessConfig,
+        environment: impl Fn(&str) -> Option<OsString>,
+    ) -> Result<Self, AccessError> {
+        let one = |key: &'static str, file: &Path, variable: &'static str| match environment(variable) {
+            Some(_) if !file.as_os_str().is_empty() => Err(AccessError::TwoTokens { key, variable }),
+            Some(text) => parse(text.as_encoded_bytes(), variable).map(Some),
+            None if file.as_os_str().is_empty() => Ok(None),
+            None => {
+                let bytes = secret_file::read(file).map_err(|e| AccessError::Secret(format!("{key}: {e}")))?;
+                parse(bytes.trim_ascii(), &file.display().to_string()).map(Some)
+            }
+        };
+        let control = one("access.token_file", &config.token_file, "DOORCAM_TOKEN")?;
+        let read = one("access.read_token_file", &config.read_token_file, "DOORCAM_READ_TOKEN")?;
+        if let (Some(control), Some(read)) = (control, read)
+            && control.is(read)
+        {
+            return Err(AccessError::SameTokens);
+        }
+        Ok(Self { control, read })
+    }
+
+    /// Whether there is none: then nobody needs one.
+    pub(super) fn is_empty(&self) -> bool {
+        self.control.is_none() && self.read.is_none()
+    }
+
+    /// What the holder of a token may do. It takes as long whatever the token is.
+    pub(super) fn scope_of(&self, presented: &[u8]) -> Option<Scope> {
+        let presented = Token::new(presented);
+        let is = |token: Option<Token>| token.is_some_and(|token| token.is(presented));
+        let (control, read) = (is(self.control), is(self.read));
+        if control { Some(Scope::Control) } else { read.then_some(Scope::Read) }
+    }
+}
+
+/// A token as somebody wrote it down; `place` is where, for the error, which must not show it.
+fn parse(text: &[u8], place: &str) -> Result<Token, AccessError> {
+    let place = || place.to_owned();
+    if !(SHORTEST..=LONGEST).contains(&text.len()) {
+        return Err(AccessError::Length { place: place(), length: text.len(), shortest: SHORTEST, longest: LONGEST });
+    }
+    if !text.iter().all(u8::is_ascii_graphic) {
+        return Err(AccessError::Characters { place: place() });
+    }
+    Ok(Token::new(text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CONTROL: &str = "control-control-control";
+    const READ: &str = "read-read-read-read-read";
+
+    fn environment(name: &str) -> Option<OsString> {
+        match name {
+            "DOORCAM_TOKEN" => Some(CONTROL.into()),
+            "DOORCAM_READ_TOKEN" => Some(READ.into()),
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn each_token_has_its_scope_and_nothing_else_has_one() {
+        let tokens = Tokens::load(&AccessConfig::default(), environment).unwrap();
+        assert_eq!(tokens.scope_of(CONTROL.as_bytes()), Some(Scope::Control));
+        assert_eq!(tokens.scope_of(READ.as_bytes()), Some(Scope::Read));
+        for wrong in ["", "control", "control-control-controk", "control-control-control ", &CONTROL[..22]] {
+            assert_eq!(tokens.scope_of(wrong.as_bytes()), None, "{wrong}");
+        }
+        assert_eq!(Tokens::default().scope_of(b""), None);
+        assert!(Tokens::default().is_empty() && !tokens.is_empty());
+    }
+
+    #[test]
+    fn what_is_no_token_is_refused_without_being_shown() {
+        let given = |text: &'static str| {
+            let config = AccessConfig::default();
+            let only = move |name: &str| (name == "DOORCAM_TOKEN").then(|| text.into());
+            Tokens::load(&config, only).map(|_| ()).map_err(|e| e.to_string())
+        };
+        let short = "DOORCAM_TOKEN has 6 characters, expected a token of 20 to 256, as from openssl rand -hex 24";
+        assert_eq!(given("secret"), Err(short.into()));
+        assert!(given("").is_err());
+        let odd = "DOORCAM_TOKEN has a character that a header cannot carry, expected a token of printable ASCII characters without spaces";
+        assert_eq!(given("a pass phrase with spaces"), Err(odd.into()));
+        assert_eq!(given(CONTROL), Ok(()));
+        let same = |_: &str| Some(CONTROL.into());
+        assert!(Tokens::load(&AccessConfig::default(), same).is_err(), "one token cannot have two scopes");
+    }
+
+    #[test]
+    fn nothing_shows_a_token() {
+        let tokens = Tokens::load(&AccessConfig::default(), environment).unwrap();
+        let shown = format!("{tokens:?}");
+        let hash = format!("{:?}", Sha256::digest(CONTROL));
+        assert!(!shown.contains("control-") && !shown.contains(&hash), "{shown}");
+    }
+}

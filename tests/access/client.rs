@@ -1,0 +1,161 @@
+//! A doorcam with rules, and a client that sends just what it is told to: also what no browser or library would send.
+
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::os::unix::fs::PermissionsExt;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use crate::common::{Daemon, doorcam, grey_recording, manifest};
+
+pub const CONTROL: &str = "control-0123456789abcdef";
+pub const READ: &str = "read-0123456789abcdef0123";
+
+/// A running doorcam on a recording of nobody.
+pub struct Guarded {
+    pub daemon: Daemon,
+    directory: tempfile::TempDir,
+}
+
+impl Guarded {
+    /// Listens on a free port of loopback.
+    pub fn start(more: &[&str]) -> Self {
+        Self::start_with("127.0.0.1:0", "", &[], more)
+    }
+
+    /// Has both tokens.
+    pub fn with_tokens(more: &[&str]) -> Self {
+        Self::start_with("127.0.0.1:0", "", &[("DOORCAM_TOKEN", CONTROL), ("DOORCAM_READ_TOKEN", READ)], more)
+    }
+
+    /// Has a configuration.
+    pub fn configured(config: &str, environment: &[(&str, &str)]) -> Self {
+        Self::start_with("127.0.0.1:0", config, environment, &[])
+    }
+
+    pub fn start_with(listen: &str, config: &str, environment: &[(&str, &str)], more: &[&str]) -> Self {
+        let directory = grey_recording(&manifest(), 9);
+        let file = directory.path().join("doorcam.toml");
+        std::fs::write(&file, config).unwrap();
+        let source = format!("replay:{},loop", directory.path().display());
+        let mut command = doorcam(&["serve", "--source", &source, "--listen", listen, "--config"]);
+        command.arg(file).args(more).envs(environment.iter().copied());
+        Self { daemon: Daemon::spawn(command), directory }
+    }
+
+    /// Where it listens, as a client of this machine reaches it.
+    pub fn address(&self) -> SocketAddr {
+        let port = self.daemon.url.rsplit(':').next().unwrap().parse().unwrap();
+        SocketAddr::from(([127, 0, 0, 1], port))
+    }
+
+    /// Sends a request with just these headers, and `Host` and `Connection: close`.
+    pub fn ask(&self, method: &str, path: &str, headers: &[(&str, &str)]) -> Answer {
+        self.send(method, path, headers, "")
+    }
+
+    /// The same with a body.
+    pub fn send(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> Answer {
+        let address = self.address();
+        let mut request = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\n");
+        if !headers.iter().any(|(name, _)| *name == "Host") {
+            request.push_str(&format!("Host: {address}\r\n"));
+        }
+        if !body.is_empty() {
+            request.push_str(&format!("Content-Type: application/json\r\nContent-Length: {}\r\n", body.len()));
+        }
+        for (name, value) in headers {
+            request.push_str(&format!("{name}: {value}\r\n"));
+        }
+        exchange(address, &format!("{request}\r\n{body}"))
+    }
+
+    /// Asks for the upgrade to a WebSocket and returns the status: 101 is yes.
+    pub fn upgrade(&self, headers: &[(&str, &str)]) -> u16 {
+        let address = self.address();
+        let mut request = String::from(
+            "GET /api/v1/live HTTP/1.1\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
+             Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n",
+        );
+        if !headers.iter().any(|(name, _)| *name == "Host") {
+            request.push_str(&format!("Host: {address}\r\n"));
+        }
+        for (name, value) in headers {
+            request.push_str(&format!("{name}: {value}\r\n"));
+        }
+        let mut stream = connect(address);
+        stream.write_all(format!("{request}\r\n").as_bytes()).unwrap();
+        let mut start = [0; 12];
+        stream.read_exact(&mut start).unwrap();
+        String::from_utf8_lossy(&start[9..]).parse().unwrap()
+    }
+
+    /// A file beside the recording, readable by its owner alone.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.directory.path().join(name)
+    }
+}
+
+/// Writes a file with just these permissions.
+pub fn write_with_mode(file: &std::path::Path, text: &str, mode: u32) {
+    std::fs::write(file, text).unwrap();
+    std::fs::set_permissions(file, std::fs::Permissions::from_mode(mode)).unwrap();
+}
+
+/// `Authorization` with a token.
+pub fn bearer(token: &str) -> String {
+    format!("Bearer {token}")
+}
+
+/// An answer, read to the end of the connection.
+#[derive(Debug)]
+pub struct Answer {
+    pub status: u16,
+    pub headers: Vec<(String, String)>,
+    pub body: String,
+}
+
+impl Answer {
+    /// The first header of that name, in lower case.
+    pub fn header(&self, name: &str) -> Option<&str> {
+        self.headers.iter().find(|(n, _)| n == name).map(|(_, value)| value.as_str())
+    }
+
+    /// The JSON of a problem, which every refusal must be.
+    pub fn problem(&self) -> serde_json::Value {
+        assert_eq!(self.header("content-type"), Some("application/problem+json"), "{self:?}");
+        let problem: serde_json::Value = serde_json::from_str(&self.body).expect("JSON");
+        assert_eq!(problem["status"], self.status);
+        problem
+    }
+}
+
+pub fn connect(address: SocketAddr) -> TcpStream {
+    let stream = TcpStream::connect(address).expect("connects");
+    stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    stream
+}
+
+/// Sends bytes and reads the answer; they must ask for the connection to be closed.
+pub fn exchange(address: SocketAddr, request: &str) -> Answer {
+    let mut stream = connect(address);
+    // Who is refused early may find the connection closed; the answer is there all the same.
+    let _ = stream.write_all(request.as_bytes());
+    answer(&mut stream).expect("an answer")
+}
+
+/// Reads to the end; none if nothing comes.
+pub fn answer(stream: &mut impl Read) -> Option<Answer> {
+    let mut bytes = Vec::new();
+    // A reset after the answer is no fault of the answer.
+    let _ = stream.read_to_end(&mut bytes);
+    let text = String::from_utf8_lossy(&bytes);
+    let (head, body) = text.split_once("\r\n\r\n")?;
+    let mut lines = head.lines();
+    let status = lines.next()?.split(' ').nth(1)?.parse().ok()?;
+    let headers = lines
+        .filter_map(|line| line.split_once(':'))
+        .map(|(name, value)| (name.to_ascii_lowercase(), value.trim().to_owned()))
+        .collect();
+    Some(Answer { status, headers, body: body.to_owned() })
+}
