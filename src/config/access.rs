@@ -1,5 +1,6 @@
 //! `[access]`: who may see, and who may change.
 
+use std::net::IpAddr;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -16,6 +17,10 @@ pub struct AccessConfig {
     pub read_token_file: PathBuf,
     /// Whether to listen on an address that others can reach without any token.
     pub allow_unauthenticated: bool,
+    /// Names by which it may be called, beside its addresses and those of loopback.
+    pub allowed_hosts: Vec<String>,
+    /// Origins whose pages may use the API.
+    pub allowed_origins: Vec<String>,
 }
 
 impl AccessConfig {
@@ -27,6 +32,42 @@ impl AccessConfig {
                 files.0.display()
             )));
         }
+        for host in &self.allowed_hosts {
+            let plain = |c: char| c.is_ascii_alphanumeric() || "-._".contains(c);
+            if host.parse::<IpAddr>().is_err() && (host.is_empty() || !host.chars().all(plain)) {
+                return Err(ConfigError(format!(
+                    "access.allowed_hosts has \"{host}\", expected a name or an address without port, such as \"door.lan\""
+                )));
+            }
+        }
+        for origin in &self.allowed_origins {
+            let host = origin.strip_prefix("https://").or_else(|| origin.strip_prefix("http://"));
+            let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "-._:[]".contains(c);
+            if !host.is_some_and(|host| !host.is_empty() && host.chars().all(plain)) {
+                return Err(ConfigError(format!(
+                    "access.allowed_origins has \"{origin}\", expected scheme and host in lower case, such as \"https://door.lan\" or \
+                     \"http://door.lan:3000\""
+                )));
+            }
+        }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hosts_and_origins_that_would_never_match_are_refused() {
+        let hosts = |host: &str| AccessConfig { allowed_hosts: vec![host.into()], ..AccessConfig::default() }.check().is_ok();
+        assert!(hosts("door.lan") && hosts("192.168.1.2") && hosts("fe80::1") && hosts("Door"));
+        assert!(!hosts("") && !hosts("door.lan:8080") && !hosts("http://door.lan") && !hosts("*"));
+        let origins =
+            |origin: &str| AccessConfig { allowed_origins: vec![origin.into()], ..AccessConfig::default() }.check().is_ok();
+        assert!(origins("https://door.lan") && origins("http://127.0.0.1:3000") && origins("http://[::1]:3000"));
+        for origin in ["", "*", "null", "door.lan", "https://", "https://door.lan/", "https://Door.lan", "ftp://door.lan"] {
+            assert!(!origins(origin), "{origin}");
+        }
     }
 }

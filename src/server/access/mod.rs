@@ -1,14 +1,18 @@
 //! Who may see and change what: layers around every route, so that a new route is covered without knowing of them.
 
 mod guard;
+mod hosts;
+mod origins;
 mod tokens;
 
 use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
+use axum::http::HeaderValue;
 use axum::{Router, middleware};
 
+use self::hosts::Hosts;
 use self::tokens::Tokens;
 use crate::config::AccessConfig;
 
@@ -52,6 +56,9 @@ pub enum AccessError {
         /// File or variable.
         place: String,
     },
+    /// An origin that cannot be one.
+    #[error("access.allowed_origins has \"{0}\", expected scheme and host, such as \"https://door.lan\"")]
+    Origin(String),
     /// A file that cannot be read, or that others can.
     #[error("{0}")]
     Secret(String),
@@ -62,6 +69,8 @@ pub enum AccessError {
 pub struct Access {
     tokens: Tokens,
     exposed: bool,
+    hosts: Hosts,
+    origins: Vec<HeaderValue>,
 }
 
 impl Access {
@@ -79,7 +88,10 @@ impl Access {
         if exposed && !config.allow_unauthenticated {
             return Err(AccessError::Exposed(listen));
         }
-        Ok(Self { tokens, exposed })
+        let origin = |text: &String| HeaderValue::from_str(text).map_err(|_| AccessError::Origin(text.clone()));
+        let origins = config.allowed_origins.iter().map(origin).collect::<Result<_, _>>()?;
+        let hosts = Hosts::new(&config.allowed_hosts, listen);
+        Ok(Self { tokens, exposed, hosts, origins })
     }
 
     /// Whether everybody in the network can see and change everything.
@@ -88,9 +100,17 @@ impl Access {
     }
 }
 
-/// Puts the rules around every route.
+/// Puts the rules around every route; the last one is asked first.
 pub(super) fn layers(router: Router, access: Arc<Access>) -> Router {
-    router.layer(middleware::from_fn_with_state(access, guard::guard))
+    let state = || Arc::clone(&access);
+    let mut router = router
+        .layer(middleware::from_fn_with_state(state(), guard::guard))
+        .layer(middleware::from_fn_with_state(state(), origins::check));
+    // Before the guard: a browser asks whether it may ask without a token.
+    if let Some(cors) = origins::cors(&access.origins) {
+        router = router.layer(cors);
+    }
+    router.layer(middleware::from_fn_with_state(state(), hosts::check))
 }
 
 fn is_loopback(address: SocketAddr) -> bool {
