@@ -18,15 +18,13 @@ use std::sync::atomic::AtomicUsize;
 use std::time::Duration;
 
 use axum::Router;
-use axum::http::header::{self, HeaderName};
-use axum::http::{HeaderValue, Method, Uri};
+use axum::http::{Method, Uri, header};
 use axum::response::IntoResponse;
 use axum::routing::{get, post};
 use metrics_exporter_prometheus::PrometheusHandle;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::time::timeout;
-use tower_http::set_header::SetResponseHeaderLayer;
 
 pub use self::access::{Access, AccessError};
 use self::pictures::Pictures;
@@ -163,9 +161,6 @@ fn routes(shared: Shared, access: Arc<Access>) -> Router {
         .route("/frame.jpg", get(frame::frame))
         .route("/background/reset", post(api::reset_background))
         .route("/live", get(live::live));
-    let fixed = |name: HeaderName, value: &'static str| {
-        SetResponseHeaderLayer::if_not_present(name, HeaderValue::from_static(value))
-    };
     let all = Router::new()
         .nest("/api/v1", v1)
         .route("/livez", get(|| async { "alive\n" }))
@@ -177,10 +172,6 @@ fn routes(shared: Shared, access: Arc<Access>) -> Router {
         })
         .with_state(shared);
     access::layers(all, access)
-        .layer(fixed(header::CONTENT_SECURITY_POLICY, "default-src 'self'; frame-ancestors 'none'; base-uri 'none'"))
-        .layer(fixed(header::X_CONTENT_TYPE_OPTIONS, "nosniff"))
-        .layer(fixed(header::REFERRER_POLICY, "no-referrer"))
-        .layer(fixed(header::CACHE_CONTROL, "no-store"))
 }
 
 /// The figures for Prometheus; none unless a recorder was installed.

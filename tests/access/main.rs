@@ -3,5 +3,6 @@
 mod client;
 #[path = "../common/mod.rs"]
 mod common;
+mod headers;
 mod hosts;
 mod tokens;

@@ -1,6 +1,7 @@
 //! Who may see and change what: layers around every route, so that a new route is covered without knowing of them.
 
 mod guard;
+mod headers;
 mod hosts;
 mod origins;
 mod tokens;
@@ -110,7 +111,7 @@ pub(super) fn layers(router: Router, access: Arc<Access>) -> Router {
     if let Some(cors) = origins::cors(&access.origins) {
         router = router.layer(cors);
     }
-    router.layer(middleware::from_fn_with_state(state(), hosts::check))
+    headers::layers(router.layer(middleware::from_fn_with_state(state(), hosts::check)))
 }
 
 fn is_loopback(address: SocketAddr) -> bool {
