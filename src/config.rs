@@ -68,11 +68,19 @@ pub struct Config {
 pub struct ServerConfig {
     /// Address and port.
     pub listen: SocketAddr,
+    /// Connections that are open at once at most.
+    pub max_connections: usize,
+    /// Those of one address.
+    pub max_connections_per_address: usize,
 }
 
 impl Default for ServerConfig {
     fn default() -> Self {
-        Self { listen: SocketAddr::from(([127, 0, 0, 1], 8080)) }
+        Self {
+            listen: SocketAddr::from(([127, 0, 0, 1], 8080)),
+            max_connections: 512,
+            max_connections_per_address: 256,
+        }
     }
 }
 
@@ -300,6 +308,9 @@ impl Config {
 
     /// Checks each value's range; what depends on the doorway is checked with it.
     pub fn check(&self) -> Result<(), ConfigError> {
+        within("server.max_connections", self.server.max_connections as f64, 1.0, 1e5, "connections")?;
+        let of_one = self.server.max_connections_per_address as f64;
+        within("server.max_connections_per_address", of_one, 1.0, 1e5, "connections")?;
         self.access.check()?;
         self.camera.check()?;
         within("room.half_width_m", self.room.half_width_m, 0.1, 100.0, "metres")?;

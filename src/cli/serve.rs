@@ -213,7 +213,7 @@ fn serve(config: &Config, watch: Watch, access: Access) -> anyhow::Result<()> {
     let hub = Arc::new(hub);
     let runtime = tokio::runtime::Runtime::new().context("cannot start the server's threads")?;
     runtime.block_on(async {
-        let server = Server::bind(config.server.listen, access).await?;
+        let server = Server::bind(&config.server, access).await?;
         let mut interrupt = signal(SignalKind::interrupt())?;
         let mut terminate = signal(SignalKind::terminate())?;
         // The port first, then the frames: nobody should miss the beginning of a recording.
@@ -235,7 +235,7 @@ fn serve(config: &Config, watch: Watch, access: Access) -> anyhow::Result<()> {
                 tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }
                 tracing::info!("stopping");
             })
-            .await?;
+            .await;
         running.end();
         anyhow::Ok(())
     })

@@ -4,6 +4,7 @@ mod access;
 mod api;
 mod assets;
 mod calibration;
+mod connections;
 mod frame;
 mod live;
 mod people;
@@ -29,6 +30,7 @@ use tokio::time::timeout;
 pub use self::access::{Access, AccessError};
 use self::pictures::Pictures;
 use self::problem::Problem;
+use crate::config::ServerConfig;
 use crate::pipeline::{Calibrator, Control, Hub};
 
 /// Why the server is not there.
@@ -42,9 +44,6 @@ pub enum ServerError {
         /// Why not.
         reason: String,
     },
-    /// It stopped.
-    #[error("the server stopped: {0}")]
-    Stopped(std::io::Error),
 }
 
 /// What a server shows and steers.
@@ -78,6 +77,7 @@ struct Shared {
 pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
+    config: ServerConfig,
     access: Arc<Access>,
 }
 
@@ -85,8 +85,9 @@ pub struct Server {
 const FAREWELL: Duration = Duration::from_millis(1500);
 
 impl Server {
-    /// Binds the address, under these rules of access; port 0 takes a free one.
-    pub async fn bind(address: SocketAddr, access: Access) -> Result<Self, ServerError> {
+    /// Binds the configured address, under these rules of access; port 0 takes a free one.
+    pub async fn bind(config: &ServerConfig, access: Access) -> Result<Self, ServerError> {
+        let address = config.listen;
         let failed = |e: std::io::Error| ServerError::Listen {
             address,
             reason: match e.kind() {
@@ -98,7 +99,7 @@ impl Server {
         };
         let listener = TcpListener::bind(address).await.map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
-        Ok(Self { listener, address, access: Arc::new(access) })
+        Ok(Self { listener, address, config: config.clone(), access: Arc::new(access) })
     }
 
     /// Where it listens.
@@ -107,10 +108,9 @@ impl Server {
     }
 
     /// Serves until `end` completes, then tells clients and gives them a moment to leave.
-    pub async fn serve(self, backend: Backend, end: impl Future<Output = ()>) -> Result<(), ServerError> {
+    pub async fn serve(self, backend: Backend, end: impl Future<Output = ()>) {
         let Backend { hub, control, calibrator, metrics } = backend;
         let (tell, ending) = watch::channel(false);
-        let mut told = ending.clone();
         let shared = Shared {
             hub,
             control,
@@ -120,26 +120,15 @@ impl Server {
             encoded: Arc::default(),
             uncertain: Arc::default(),
             clients: Arc::default(),
-            ending,
+            ending: ending.clone(),
         };
-        let serving = axum::serve(self.listener, routes(shared, self.access)).with_graceful_shutdown(async move {
-            // An error would mean that nobody is left to tell.
-            let _ = told.wait_for(|&e| e).await;
-        });
-        let mut serving = std::pin::pin!(serving.into_future());
         tokio::select! {
-            result = &mut serving => return result.map_err(ServerError::Stopped),
+            () = connections::serve(self.listener, routes(shared, self.access), &self.config, ending) => {}
             () = end => {}
         }
         tell.send_replace(true);
-        let leaving = async {
-            let result = serving.await;
-            // Requests are answered by now, but the server does not know of the live sockets that some of them became:
-            // each holds a receiver.
-            tell.closed().await;
-            result
-        };
-        timeout(FAREWELL, leaving).await.unwrap_or(Ok(())).map_err(ServerError::Stopped)
+        // Each connection holds a receiver, and so does each live socket that one has become. Who does not leave is cut off.
+        let _ = timeout(FAREWELL, tell.closed()).await;
     }
 }
 

@@ -3,7 +3,6 @@
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::os::unix::fs::PermissionsExt;
-use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::common::{Daemon, doorcam, grey_recording, manifest};
@@ -14,7 +13,7 @@ pub const READ: &str = "read-0123456789abcdef0123";
 /// A running doorcam on a recording of nobody.
 pub struct Guarded {
     pub daemon: Daemon,
-    directory: tempfile::TempDir,
+    _recording: tempfile::TempDir,
 }
 
 impl Guarded {
@@ -40,7 +39,7 @@ impl Guarded {
         let source = format!("replay:{},loop", directory.path().display());
         let mut command = doorcam(&["serve", "--source", &source, "--listen", listen, "--config"]);
         command.arg(file).args(more).envs(environment.iter().copied());
-        Self { daemon: Daemon::spawn(command), directory }
+        Self { daemon: Daemon::spawn(command), _recording: directory }
     }
 
     /// Where it listens, as a client of this machine reaches it.
@@ -88,11 +87,6 @@ impl Guarded {
         let mut start = [0; 12];
         stream.read_exact(&mut start).unwrap();
         String::from_utf8_lossy(&start[9..]).parse().unwrap()
-    }
-
-    /// A file beside the recording, readable by its owner alone.
-    pub fn file(&self, name: &str) -> PathBuf {
-        self.directory.path().join(name)
     }
 }
 

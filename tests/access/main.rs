@@ -5,4 +5,5 @@ mod client;
 mod common;
 mod headers;
 mod hosts;
+mod limits;
 mod tokens;

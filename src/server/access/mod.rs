@@ -1,9 +1,12 @@
 //! Who may see and change what: layers around every route, so that a new route is covered without knowing of them.
 
+mod bodies;
 mod guard;
 mod headers;
 mod hosts;
 mod origins;
+mod peer;
+mod senders;
 mod tokens;
 
 use std::ffi::OsString;
@@ -14,6 +17,8 @@ use axum::http::HeaderValue;
 use axum::{Router, middleware};
 
 use self::hosts::Hosts;
+pub(super) use self::peer::Peer;
+pub(super) use self::senders::network;
 use self::tokens::Tokens;
 use crate::config::AccessConfig;
 
@@ -105,6 +110,7 @@ impl Access {
 pub(super) fn layers(router: Router, access: Arc<Access>) -> Router {
     let state = || Arc::clone(&access);
     let mut router = router
+        .layer(middleware::from_fn(bodies::limit))
         .layer(middleware::from_fn_with_state(state(), guard::guard))
         .layer(middleware::from_fn_with_state(state(), origins::check));
     // Before the guard: a browser asks whether it may ask without a token.
