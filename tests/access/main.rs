@@ -1,5 +1,6 @@
 //! The rules of access, each tried on the real program by somebody who breaks it.
 
+mod attempts;
 mod client;
 #[path = "../common/mod.rs"]
 mod common;

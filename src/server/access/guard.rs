@@ -1,11 +1,12 @@
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
-use axum::extract::{Request, State};
+use axum::extract::{Extension, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use super::Access;
+use super::{Access, Peer};
 use super::tokens::Scope;
 use crate::server::assets;
 use crate::server::problem::Problem;
@@ -19,14 +20,21 @@ pub(super) enum Refusal {
     WrongToken,
     /// It is, but not for this.
     Scope,
+    /// There were too many wrong ones from there: none is looked at for so long.
+    Later(Duration),
 }
 
 /// Lets pass who may do what they ask for.
-pub(super) async fn guard(State(access): State<Arc<Access>>, request: Request, next: Next) -> Response {
+pub(super) async fn guard(
+    State(access): State<Arc<Access>>,
+    Extension(peer): Extension<Peer>,
+    request: Request,
+    next: Next,
+) -> Response {
     let Some(needed) = needed(request.method(), request.uri().path()) else {
         return next.run(request).await;
     };
-    match access.scope_of(request.headers()) {
+    match access.scope_of(request.headers(), peer) {
         Ok(scope) if scope >= needed => next.run(request).await,
         Ok(_) => Refusal::Scope.into_response(),
         Err(refusal) => refusal.into_response(),
@@ -44,12 +52,24 @@ fn needed(method: &Method, path: &str) -> Option<Scope> {
 
 impl Access {
     /// What the sender of a request may do.
-    pub(super) fn scope_of(&self, headers: &HeaderMap) -> Result<Scope, Refusal> {
+    pub(super) fn scope_of(&self, headers: &HeaderMap, peer: Peer) -> Result<Scope, Refusal> {
         if self.tokens.is_empty() {
             return Ok(Scope::Control);
         }
         let Some(token) = bearer(headers) else { return Err(Refusal::NoToken) };
-        self.tokens.scope_of(token).ok_or(Refusal::WrongToken)
+        self.scope_of_token(token, peer, Instant::now())
+    }
+
+    /// What the holder of a token may do, unless wrong ones came from there too often.
+    pub(super) fn scope_of_token(&self, token: &[u8], Peer(address): Peer, now: Instant) -> Result<Scope, Refusal> {
+        if let Some(rest) = self.attempts.barred(address, now) {
+            return Err(Refusal::Later(rest));
+        }
+        let scope = self.tokens.scope_of(token);
+        if scope.is_none() && self.attempts.note(address, now) {
+            tracing::warn!("{address}: too many wrong tokens, none from there is looked at for a while");
+        }
+        scope.ok_or(Refusal::WrongToken)
     }
 }
 
@@ -72,6 +92,7 @@ impl IntoResponse for Refusal {
                 "Bearer realm=\"doorcam\", error=\"invalid_token\"",
                 "the token is not one of this doorcam's",
             ),
+            Self::Later(rest) => return too_many(rest),
             Self::Scope => (
                 StatusCode::FORBIDDEN,
                 "Bearer realm=\"doorcam\", error=\"insufficient_scope\", scope=\"control\"",
@@ -82,6 +103,14 @@ impl IntoResponse for Refusal {
         response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static(challenge));
         response
     }
+}
+
+fn too_many(rest: Duration) -> Response {
+    let wait = rest.as_secs() + 1;
+    let detail = format!("too many wrong tokens from this address, try again in {wait} s");
+    let mut response = Problem::new(StatusCode::TOO_MANY_REQUESTS, &detail).into_response();
+    response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(wait));
+    response
 }
 
 #[cfg(test)]

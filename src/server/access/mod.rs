@@ -1,5 +1,6 @@
 //! Who may see and change what: layers around every route, so that a new route is covered without knowing of them.
 
+mod attempts;
 mod bodies;
 mod guard;
 mod headers;
@@ -16,6 +17,7 @@ use std::sync::Arc;
 use axum::http::HeaderValue;
 use axum::{Router, middleware};
 
+use self::attempts::Attempts;
 use self::hosts::Hosts;
 pub(super) use self::peer::Peer;
 pub(super) use self::senders::network;
@@ -74,6 +76,7 @@ pub enum AccessError {
 #[derive(Debug)]
 pub struct Access {
     tokens: Tokens,
+    attempts: Attempts,
     exposed: bool,
     hosts: Hosts,
     origins: Vec<HeaderValue>,
@@ -97,7 +100,7 @@ impl Access {
         let origin = |text: &String| HeaderValue::from_str(text).map_err(|_| AccessError::Origin(text.clone()));
         let origins = config.allowed_origins.iter().map(origin).collect::<Result<_, _>>()?;
         let hosts = Hosts::new(&config.allowed_hosts, listen);
-        Ok(Self { tokens, exposed, hosts, origins })
+        Ok(Self { tokens, attempts: Attempts::default(), exposed, hosts, origins })
     }
 
     /// Whether everybody in the network can see and change everything.
