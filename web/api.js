@@ -1,4 +1,4 @@
-/** @import { Calibration, CalibrationDocument, Check, Geometry, Status, Uncertainty, Update } from "./types.js" */
+/** @import { Calibration, CalibrationDocument, Check, Geometry, Session, Status, Uncertainty, Update } from "./types.js" */
 
 // Relative to the page, so that doorcam also works under a path of a reverse proxy.
 const BASE = new URL("api/v1/", document.baseURI);
@@ -20,6 +20,17 @@ export class Refusal extends Error {
   }
 }
 
+/** @type {(change: boolean) => void} */
+let refused = () => {};
+
+/**
+ * Who to tell that a token is missing, or that the one there is lets nobody change anything.
+ * @param {(change: boolean) => void} listener
+ */
+export function onRefused(listener) {
+  refused = listener;
+}
+
 /**
  * @param {string} name
  * @param {RequestInit} [options]
@@ -30,6 +41,8 @@ async function ask(name, options) {
     signal: AbortSignal.timeout(TIMEOUT_MS),
     ...options,
   });
+  const change = options?.method !== undefined && response.status === 403;
+  if (name !== "session" && (change || response.status === 401)) refused(change);
   if (!response.ok) throw new Refusal(response.status, await detailOf(response, name));
   return response;
 }
@@ -70,6 +83,17 @@ export const getStatus = () => getJson("status");
 
 /** @returns {Promise<Update>} */
 export const getReconstruction = () => getJson("reconstruction");
+
+/** @returns {Promise<Session>} */
+export const getSession = () => getJson("session");
+
+/**
+ * @param {string} token
+ * @returns {Promise<Session>}
+ */
+export const logIn = (token) => change("session", { method: "POST", ...json({ token }) });
+
+export const logOut = () => ask("session", { method: "DELETE" });
 
 /** @returns {Promise<Uncertainty>} */
 export const getUncertainty = () => getJson("uncertainty");

@@ -1,3 +1,4 @@
+import { Access } from "./access.js";
 import { getGeometry, getReconstruction, getStatus, liveUrl } from "./api.js";
 import { Arrivals } from "./arrivals.js";
 import { CalibrationView } from "./calibration/view.js";
@@ -33,6 +34,13 @@ const reset = new ResetButton();
 const uncertainty = new UncertaintyLayer(map);
 const calibration = new CalibrationView(calibrated);
 const route = new Route({ onShow: showView, mayLeave: () => calibration.mayLeave() });
+const access = new Access({
+  onGranted: () => {
+    live.hurry();
+    void pollStatus();
+  },
+  onLeft: () => live.drop(),
+});
 const live = new LiveSocket(liveUrl(), { onPhase, onMessage });
 
 /** @type {Update | null} */
@@ -65,6 +73,8 @@ function onPhase(phase) {
     arrivals.reconnected();
     void begin(connection);
   }
+  // A socket that is refused does not say why.
+  if (phase === "waiting") void access.refresh();
   refreshConnection();
 }
 
@@ -289,4 +299,5 @@ Object.defineProperty(window, "doorcam", {
 
 choose();
 route.start();
+void access.refresh();
 live.connect();

@@ -174,4 +174,13 @@
 
 /** @typedef {{ layer: Layer, signs: Signs, brightness: Brightness }} Choice  what the selectors above the map say */
 
+/**
+ * What this browser may do.
+ * @typedef {object} Session
+ * @property {"read" | "control" | null} scope
+ * @property {boolean} token_needed
+ * @property {boolean} exposed  everybody in the network may do everything
+ * @property {number | null} expires_s
+ */
+
 export {};

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::ConfigError;
+use super::{ConfigError, within};
 
 /// `[access]`. Tokens themselves never stand in a configuration, so that it can be shown to anybody.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AccessConfig {
     /// File with the token that lets its holder see and change everything; empty: none.
@@ -17,10 +17,25 @@ pub struct AccessConfig {
     pub read_token_file: PathBuf,
     /// Whether to listen on an address that others can reach without any token.
     pub allow_unauthenticated: bool,
+    /// How long a login of the page lasts.
+    pub session_s: f64,
     /// Names by which it may be called, beside its addresses and those of loopback.
     pub allowed_hosts: Vec<String>,
     /// Origins whose pages may use the API.
     pub allowed_origins: Vec<String>,
+}
+
+impl Default for AccessConfig {
+    fn default() -> Self {
+        Self {
+            token_file: PathBuf::new(),
+            read_token_file: PathBuf::new(),
+            allow_unauthenticated: false,
+            session_s: 43_200.0,
+            allowed_hosts: Vec::new(),
+            allowed_origins: Vec::new(),
+        }
+    }
 }
 
 impl AccessConfig {
@@ -32,6 +47,7 @@ impl AccessConfig {
                 files.0.display()
             )));
         }
+        within("access.session_s", self.session_s, 1.0, 1e8, "seconds")?;
         for host in &self.allowed_hosts {
             let plain = |c: char| c.is_ascii_alphanumeric() || "-._".contains(c);
             if host.parse::<IpAddr>().is_err() && (host.is_empty() || !host.chars().all(plain)) {

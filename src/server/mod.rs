@@ -99,7 +99,7 @@ impl Server {
         };
         let listener = TcpListener::bind(address).await.map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
-        Ok(Self { listener, address, config: config.clone(), access: Arc::new(access) })
+        Ok(Self { listener, address, config: config.clone(), access: Arc::new(access.on(address.port())) })
     }
 
     /// Where it listens.
@@ -149,7 +149,8 @@ fn routes(shared: Shared, access: Arc<Access>) -> Router {
         .route("/calibration/previous", post(calibration::previous))
         .route("/frame.jpg", get(frame::frame))
         .route("/background/reset", post(api::reset_background))
-        .route("/live", get(live::live));
+        .route("/live", get(live::live))
+        .route("/session", access::session::methods(Arc::clone(&access)));
     let all = Router::new()
         .nest("/api/v1", v1)
         .route("/livez", get(|| async { "alive\n" }))

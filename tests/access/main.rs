@@ -7,4 +7,5 @@ mod common;
 mod headers;
 mod hosts;
 mod limits;
+mod session;
 mod tokens;

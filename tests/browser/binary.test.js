@@ -4,7 +4,6 @@
 //   DOORCAM_RECORDING  the recording to replay
 
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
 import { mkdir, mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -13,6 +12,7 @@ import { lightOf } from "../../web/brightness.js";
 import { DESKTOP, PHONE, draws, launch, look, open, picture, reaches, settled } from "./browser.js";
 import { handle } from "./calibrating.js";
 import { cameraPicture } from "./camera.js";
+import { serve } from "./daemon.js";
 import { calibration } from "./fit.js";
 import { middle } from "./scene.js";
 
@@ -24,38 +24,8 @@ const program = process.env.DOORCAM_BIN;
 const recording = process.env.DOORCAM_RECORDING;
 const skip = program && recording ? undefined : "set DOORCAM_BIN and DOORCAM_RECORDING to test the real program";
 
-const START_TIMEOUT_MS = 30000;
 // A recording may begin with seconds of background before the first update.
 const FIRST_PICTURE_MS = 60000;
-
-/**
- * @param {string} program
- * @param {string} recording
- * @param {...string} more
- * @returns {Promise<{ child: ChildProcess, url: string }>}
- */
-function serve(program, recording, ...more) {
-  const args = ["serve", "--source", `replay:${recording},loop`, "--listen", "127.0.0.1:0", ...more];
-  const child = spawn(program, args, { stdio: ["ignore", "ignore", "pipe"] });
-  return new Promise((resolve, reject) => {
-    let log = "";
-    const fail = (/** @type {string} */ why) => {
-      child.kill();
-      reject(new Error(`${why}; its log:\n${log}`));
-    };
-    const timer = setTimeout(() => fail("no address logged in time"), START_TIMEOUT_MS);
-    child.on("error", (error) => fail(String(error)));
-    child.on("exit", (code) => fail(`ended with status ${code}`));
-    child.stderr?.on("data", (chunk) => {
-      log += chunk;
-      const address = /http:\/\/127\.0\.0\.1:\d+/.exec(log);
-      if (!address) return;
-      clearTimeout(timer);
-      child.removeAllListeners("exit");
-      resolve({ child, url: `${address[0]}/` });
-    });
-  });
-}
 
 describe("the real program", () => {
   /** @type {Browser} */

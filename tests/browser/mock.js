@@ -12,7 +12,7 @@ import * as scene from "./scene.js";
 
 /** @import { IncomingMessage, ServerResponse } from "node:http" */
 /** @import { AddressInfo } from "node:net" */
-/** @import { Calibration, CalibrationDocument, Uncertainty, Update } from "../../web/types.js" */
+/** @import { Calibration, CalibrationDocument, Session, Uncertainty, Update } from "../../web/types.js" */
 
 const WEB = fileURLToPath(new URL("../../web/", import.meta.url));
 const API = "/api/v1/";
@@ -75,6 +75,8 @@ export class Mock {
     /** @type {Uncertainty | null} */
     this.uncertainty = null;
     this.calibration = new MockCalibration();
+    /** @type {Session} */
+    this.session = { scope: "control", token_needed: false, exposed: false, expires_s: null };
     /** @type {Buffer | null} */
     this.frame = cameraPicture();
     /** @type {string | null} When the camera took its last picture, if it has stopped. */
@@ -131,7 +133,7 @@ export class Mock {
     const { pathname } = new URL(request.url ?? "/", this.url);
     this.requests.push(pathname);
     // The strictest policy the daemon may set: the page must work under it.
-    response.setHeader("content-security-policy", "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
+    response.setHeader("content-security-policy", "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
     response.setHeader("x-content-type-options", "nosniff");
     const name = pathname.slice(API.length);
     if (!pathname.startsWith(API)) return this.#answerAsset(pathname, response);
@@ -154,6 +156,7 @@ export class Mock {
       response.setHeader("content-type", "image/png");
       return response.end(differencePicture(this.latest.sequence));
     }
+    if (name === "session") return json(response, this.session);
     if (name === "calibration") return json(response, this.calibration.document());
     if (name === "frame.jpg" && this.frame) {
       response.setHeader("content-type", "image/png");

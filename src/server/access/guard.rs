@@ -6,7 +6,7 @@ use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use super::{Access, Peer};
+use super::{Access, Peer, session};
 use super::tokens::Scope;
 use crate::server::assets;
 use crate::server::problem::Problem;
@@ -42,9 +42,9 @@ pub(super) async fn guard(
 }
 
 /// The scope that a request takes. Only what is named here is open to everybody, so that a new route is closed until somebody
-/// opens it: whether the process lives and is ready, and the files of the page, which tell nothing of the room.
+/// opens it: whether the process lives and is ready, the files of the page, which tell nothing of the room, and the login.
 fn needed(method: &Method, path: &str) -> Option<Scope> {
-    if matches!(path, "/livez" | "/readyz") || assets::has(path) {
+    if matches!(path, "/livez" | "/readyz" | session::PATH) || assets::has(path) {
         return None;
     }
     Some(if matches!(*method, Method::GET | Method::HEAD) { Scope::Read } else { Scope::Control })
@@ -56,8 +56,12 @@ impl Access {
         if self.tokens.is_empty() {
             return Ok(Scope::Control);
         }
-        let Some(token) = bearer(headers) else { return Err(Refusal::NoToken) };
-        self.scope_of_token(token, peer, Instant::now())
+        let now = Instant::now();
+        if let Some(token) = bearer(headers) {
+            return self.scope_of_token(token, peer, now);
+        }
+        let session = self.cookie(headers).and_then(|number| self.sessions.get(number, now));
+        session.map(|session| session.scope).ok_or(Refusal::NoToken)
     }
 
     /// What the holder of a token may do, unless wrong ones came from there too often.
@@ -119,7 +123,7 @@ mod tests {
 
     #[test]
     fn only_the_page_and_the_probes_are_open() {
-        for path in ["/", "/index.html", "/app.js", "/map/map.js", "/livez", "/readyz"] {
+        for path in ["/", "/index.html", "/app.js", "/map/map.js", "/livez", "/readyz", "/api/v1/session"] {
             assert_eq!(needed(&Method::GET, path), None, "{path}");
         }
         for path in ["/metrics", "/api/v1/status", "/api/v1/live", "/livez/", "//api/v1/status", "/api/v1/../", "/new", ""] {

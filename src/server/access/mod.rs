@@ -8,11 +8,14 @@ mod hosts;
 mod origins;
 mod peer;
 mod senders;
+pub(super) mod session;
+mod sessions;
 mod tokens;
 
 use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::http::HeaderValue;
 use axum::{Router, middleware};
@@ -21,6 +24,7 @@ use self::attempts::Attempts;
 use self::hosts::Hosts;
 pub(super) use self::peer::Peer;
 pub(super) use self::senders::network;
+use self::sessions::Sessions;
 use self::tokens::Tokens;
 use crate::config::AccessConfig;
 
@@ -77,6 +81,8 @@ pub enum AccessError {
 pub struct Access {
     tokens: Tokens,
     attempts: Attempts,
+    sessions: Sessions,
+    cookie_name: String,
     exposed: bool,
     hosts: Hosts,
     origins: Vec<HeaderValue>,
@@ -100,7 +106,21 @@ impl Access {
         let origin = |text: &String| HeaderValue::from_str(text).map_err(|_| AccessError::Origin(text.clone()));
         let origins = config.allowed_origins.iter().map(origin).collect::<Result<_, _>>()?;
         let hosts = Hosts::new(&config.allowed_hosts, listen);
-        Ok(Self { tokens, attempts: Attempts::default(), exposed, hosts, origins })
+        Ok(Self {
+            tokens,
+            attempts: Attempts::default(),
+            sessions: Sessions::new(Duration::from_secs_f64(config.session_s)),
+            cookie_name: "doorcam".into(),
+            exposed,
+            hosts,
+            origins,
+        })
+    }
+
+    /// Takes notice of the port, once it is known. Cookies are the same for all ports of a host, on which other doorcams may be.
+    pub(super) fn on(mut self, port: u16) -> Self {
+        self.cookie_name = format!("doorcam-{port}");
+        self
     }
 
     /// Whether everybody in the network can see and change everything.

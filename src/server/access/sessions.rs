@@ -1,0 +1,93 @@
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use base64::Engine;
+use base64::prelude::BASE64_URL_SAFE_NO_PAD;
+
+use super::tokens::Scope;
+
+/// Sessions that are open at most; a further one ends the one that would end first.
+const MOST: usize = 256;
+
+/// The page's sessions: a browser that showed a token once is known by a random number, for scripts can put no token on live sockets
+/// and pictures, and a number in a cookie that they cannot read cannot be stolen by one. They end with the process.
+#[derive(Debug)]
+pub(super) struct Sessions {
+    lifetime: Duration,
+    open: Mutex<HashMap<String, Session>>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Session {
+    pub(super) scope: Scope,
+    pub(super) end: Instant,
+}
+
+impl Sessions {
+    pub(super) fn new(lifetime: Duration) -> Self {
+        Self { lifetime, open: Mutex::default() }
+    }
+
+    /// For how long a session is good.
+    pub(super) fn lifetime(&self) -> Duration {
+        self.lifetime
+    }
+
+    /// Opens one and returns its number. Errors: the system has no random numbers.
+    pub(super) fn begin(&self, scope: Scope, now: Instant) -> Result<String, getrandom::Error> {
+        // 256 bits: nobody needs to be kept from guessing.
+        let mut number = [0; 32];
+        getrandom::fill(&mut number)?;
+        let number = BASE64_URL_SAFE_NO_PAD.encode(number);
+        let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        open.retain(|_, session| session.end > now);
+        if open.len() >= MOST {
+            let first = open.iter().min_by_key(|(_, session)| session.end).map(|(number, _)| number.clone());
+            first.map(|first| open.remove(&first));
+        }
+        open.insert(number.clone(), Session { scope, end: now + self.lifetime });
+        Ok(number)
+    }
+
+    /// The open session of that number.
+    pub(super) fn get(&self, number: &str, now: Instant) -> Option<Session> {
+        let open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        open.get(number).copied().filter(|session| session.end > now)
+    }
+
+    /// Ends one.
+    pub(super) fn end(&self, number: &str) {
+        self.open.lock().unwrap_or_else(PoisonError::into_inner).remove(number);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_session_has_its_scope_until_it_ends_or_is_ended() {
+        let (sessions, start) = (Sessions::new(Duration::from_secs(100)), Instant::now());
+        let at = |seconds| start + Duration::from_secs(seconds);
+        let read = sessions.begin(Scope::Read, start).unwrap();
+        let control = sessions.begin(Scope::Control, at(50)).unwrap();
+        let scope = |number: &str, now| sessions.get(number, now).map(|session| session.scope);
+        assert_eq!((scope(&read, at(99)), scope(&control, at(99))), (Some(Scope::Read), Some(Scope::Control)));
+        assert_eq!((scope(&read, at(100)), scope(&control, at(100))), (None, Some(Scope::Control)));
+        sessions.end(&control);
+        assert_eq!(scope(&control, at(60)), None);
+        assert_eq!(scope("", start), None);
+        assert!(read != control && read.len() == 43, "{read}");
+    }
+
+    #[test]
+    fn many_sessions_end_the_oldest() {
+        let (sessions, start) = (Sessions::new(Duration::from_secs(1000)), Instant::now());
+        let at = |k: usize| start + Duration::from_millis(k as u64);
+        let numbers: Vec<String> = (0..MOST + 5).map(|k| sessions.begin(Scope::Read, at(k)).unwrap()).collect();
+        let open = |number: &String| sessions.get(number, at(MOST + 5)).is_some();
+        assert_eq!(numbers.iter().position(open), Some(5));
+        assert!(numbers[5..].iter().all(open));
+    }
+}
