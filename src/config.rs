@@ -3,6 +3,7 @@
 mod access;
 mod background;
 mod camera;
+mod tls;
 mod tracking;
 
 use std::net::SocketAddr;
@@ -12,6 +13,7 @@ pub use access::AccessConfig;
 pub use background::{AveragingConfig, BackgroundConfig};
 pub use camera::{CameraConfig, StorageConfig};
 use serde::{Deserialize, Serialize};
+pub use tls::TlsConfig;
 pub use tracking::TrackerConfig;
 
 use crate::geometry::{GridSpec, Point, Room};
@@ -33,6 +35,8 @@ pub struct Config {
     pub server: ServerConfig,
     /// Who may see, and who may change.
     pub access: AccessConfig,
+    /// HTTPS.
+    pub tls: TlsConfig,
     /// What is kept between runs.
     pub storage: StorageConfig,
     /// The camera.
@@ -312,6 +316,7 @@ impl Config {
         let of_one = self.server.max_connections_per_address as f64;
         within("server.max_connections_per_address", of_one, 1.0, 1e5, "connections")?;
         self.access.check()?;
+        self.tls.check()?;
         self.camera.check()?;
         within("room.half_width_m", self.room.half_width_m, 0.1, 100.0, "metres")?;
         within("room.depth_m", self.room.depth_m, 0.1, 100.0, "metres")?;

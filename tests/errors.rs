@@ -90,6 +90,9 @@ fn an_unknown_key_or_bad_value_of_the_configuration_is_refused() {
         everything.ends_with("patch.exclude leaves 0 pixels of the left patch, expected at least 64"),
         "{everything}"
     );
+    std::fs::write(&file, "[tls]\ncertificate_file = \"cert.pem\"\n").unwrap();
+    let keyless = format!("doorcam: {path}: tls.key_file is empty, expected the key of tls.certificate_file");
+    assert_eq!(failure(&["check-config", path]), keyless);
     std::fs::write(&file, "[patch]\npixels = 32\n").unwrap();
     assert_eq!(run(&["check-config", path]).status.code(), Some(0));
 }

@@ -1,7 +1,7 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use doorcam::config::Config;
+use doorcam::config::{Config, TlsConfig};
 
 /// Where a command listens, and who may see and change what there.
 #[derive(Debug, clap::Args)]
@@ -18,12 +18,18 @@ pub(super) struct ListenOptions {
     /// Listen where others can reach it without any token: all of them see and change everything
     #[arg(long)]
     allow_unauthenticated: bool,
+    /// Serve HTTPS with the certificates of this PEM file; it is read again when it changes [default: tls.certificate_file]
+    #[arg(long, value_name = "FILE", requires = "tls_key")]
+    tls_cert: Option<PathBuf>,
+    /// PEM file with the certificate's private key [default: tls.key_file]
+    #[arg(long, value_name = "FILE", requires = "tls_cert")]
+    tls_key: Option<PathBuf>,
 }
 
 impl ListenOptions {
     /// Puts what the command line says in the place of what the configuration says.
     pub(super) fn apply(&self, config: &mut Config) {
-        let Config { server, access, .. } = config;
+        let Config { server, access, tls, .. } = config;
         server.listen = self.listen.unwrap_or(server.listen);
         for (option, key) in
             [(&self.token_file, &mut access.token_file), (&self.read_token_file, &mut access.read_token_file)]
@@ -31,6 +37,9 @@ impl ListenOptions {
             if let Some(file) = option {
                 key.clone_from(file);
             }
+        }
+        if let (Some(certificate), Some(key)) = (&self.tls_cert, &self.tls_key) {
+            *tls = TlsConfig { certificate_file: certificate.clone(), key_file: key.clone() };
         }
         access.allow_unauthenticated |= self.allow_unauthenticated;
     }

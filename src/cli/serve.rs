@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use doorcam::config::Config;
 use doorcam::measurement::Calibration;
 use doorcam::pipeline::{CalibrationStore, Calibrator, Engine, Hub, Keeping, Setup, SourceInfo, start};
-use doorcam::server::{Access, Backend, Server};
+use doorcam::server::{Access, Backend, Server, Tls};
 use doorcam::source::{Replay, ReplayOptions, Source, SystemClock};
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use tokio::signal::unix::{SignalKind, signal};
@@ -73,7 +73,7 @@ pub(super) fn serve_recording(
     directory: &Path,
     options: ReplayOptions,
     spec: &str,
-    access: Access,
+    access: (Access, Option<Tls>),
 ) -> anyhow::Result<()> {
     serve(config, replay(config, directory, options, spec, None)?, access)
 }
@@ -83,7 +83,7 @@ pub(super) fn serve_simulation(
     config: &Config,
     simulated: &Simulated,
     spec: &str,
-    access: Access,
+    access: (Access, Option<Tls>),
 ) -> anyhow::Result<()> {
     serve(config, simulation(config, simulated, spec, None)?, access)
 }
@@ -195,16 +195,17 @@ fn recorder() -> Option<PrometheusHandle> {
 }
 
 /// Who may see and change what: told before anything else is done, for a start that is refused should leave nothing behind.
-pub(super) fn access(config: &Config) -> anyhow::Result<Access> {
+pub(super) fn access(config: &Config) -> anyhow::Result<(Access, Option<Tls>)> {
+    let tls = Tls::load(&config.tls)?;
     let access = Access::new(&config.access, config.server.listen, |name| std::env::var_os(name))?;
     if access.is_exposed() {
         tracing::warn!("{} needs no token: everybody who reaches it sees and changes everything", config.server.listen);
     }
-    Ok(access)
+    Ok((access, tls))
 }
 
 /// Shows what is watched to whoever connects, until interrupted.
-fn serve(config: &Config, watch: Watch, access: Access) -> anyhow::Result<()> {
+fn serve(config: &Config, watch: Watch, (access, tls): (Access, Option<Tls>)) -> anyhow::Result<()> {
     let Watch { source, engine, setup, calibration, keeping, info } = watch;
     let spec = info.spec.clone();
     // Before the hub: what counts without a recorder counts for nobody.
@@ -213,7 +214,7 @@ fn serve(config: &Config, watch: Watch, access: Access) -> anyhow::Result<()> {
     let hub = Arc::new(hub);
     let runtime = tokio::runtime::Runtime::new().context("cannot start the server's threads")?;
     runtime.block_on(async {
-        let server = Server::bind(&config.server, access).await?;
+        let server = Server::bind(&config.server, access, tls).await?;
         let mut interrupt = signal(SignalKind::interrupt())?;
         let mut terminate = signal(SignalKind::terminate())?;
         // The port first, then the frames: nobody should miss the beginning of a recording.
@@ -229,7 +230,7 @@ fn serve(config: &Config, watch: Watch, access: Access) -> anyhow::Result<()> {
             });
         }
         let calibrator = Calibrator::new(setup, keeping, calibration, Arc::clone(&hub), running.control().clone());
-        tracing::info!("watching {spec}: the page is at http://{}", server.address());
+        tracing::info!("watching {spec}: the page is at {}", server.url());
         server
             .serve(Backend { hub, control: running.control().clone(), calibrator, metrics }, async move {
                 tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }

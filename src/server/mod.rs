@@ -28,6 +28,7 @@ use tokio::sync::watch;
 use tokio::time::timeout;
 
 pub use self::access::{Access, AccessError};
+pub use self::connections::{Tls, TlsError};
 use self::pictures::Pictures;
 use self::problem::Problem;
 use crate::config::ServerConfig;
@@ -79,14 +80,15 @@ pub struct Server {
     address: SocketAddr,
     config: ServerConfig,
     access: Arc<Access>,
+    tls: Option<Arc<Tls>>,
 }
 
 /// How long clients are given to leave when the server ends.
 const FAREWELL: Duration = Duration::from_millis(1500);
 
 impl Server {
-    /// Binds the configured address, under these rules of access; port 0 takes a free one.
-    pub async fn bind(config: &ServerConfig, access: Access) -> Result<Self, ServerError> {
+    /// Binds the configured address, under these rules of access and with TLS, if any; port 0 takes a free one.
+    pub async fn bind(config: &ServerConfig, access: Access, tls: Option<Tls>) -> Result<Self, ServerError> {
         let address = config.listen;
         let failed = |e: std::io::Error| ServerError::Listen {
             address,
@@ -99,12 +101,13 @@ impl Server {
         };
         let listener = TcpListener::bind(address).await.map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
-        Ok(Self { listener, address, config: config.clone(), access: Arc::new(access.on(address.port())) })
+        let access = Arc::new(access.on(address.port(), tls.is_some()));
+        Ok(Self { listener, address, config: config.clone(), access, tls: tls.map(Arc::new) })
     }
 
-    /// Where it listens.
-    pub fn address(&self) -> SocketAddr {
-        self.address
+    /// Where it listens, as browsers write it.
+    pub fn url(&self) -> String {
+        format!("{}://{}", if self.tls.is_some() { "https" } else { "http" }, self.address)
     }
 
     /// Serves until `end` completes, then tells clients and gives them a moment to leave.
@@ -123,7 +126,7 @@ impl Server {
             ending: ending.clone(),
         };
         tokio::select! {
-            () = connections::serve(self.listener, routes(shared, self.access), &self.config, ending) => {}
+            () = connections::serve(self.listener, routes(shared, self.access), &self.config, self.tls, ending) => {}
             () = end => {}
         }
         tell.send_replace(true);

@@ -8,4 +8,5 @@ mod headers;
 mod hosts;
 mod limits;
 mod session;
+mod tls;
 mod tokens;

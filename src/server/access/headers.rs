@@ -11,6 +11,9 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 const PERMISSIONS: &str = "accelerometer=(), camera=(), display-capture=(), geolocation=(), gyroscope=(), microphone=(), midi=(), \
                            payment=(), usb=()";
 
+/// For how long browsers insist on TLS: 30 days, for who gives it up again should not be locked out for long.
+const INSIST: &str = "max-age=2592000";
+
 const FIXED: [(HeaderName, &str); 8] = [
     (header::CONTENT_SECURITY_POLICY, POLICY),
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
@@ -24,8 +27,9 @@ const FIXED: [(HeaderName, &str); 8] = [
 ];
 
 /// Puts the headers on every answer that does not bring its own.
-pub(super) fn layers(router: Router) -> Router {
-    FIXED.into_iter().fold(router, |router, (name, value)| {
+pub(super) fn layers(router: Router, tls: bool) -> Router {
+    let insist = tls.then_some((header::STRICT_TRANSPORT_SECURITY, INSIST));
+    FIXED.into_iter().chain(insist).fold(router, |router, (name, value)| {
         router.layer(SetResponseHeaderLayer::if_not_present(name, HeaderValue::from_static(value)))
     })
 }

@@ -83,6 +83,7 @@ pub struct Access {
     attempts: Attempts,
     sessions: Sessions,
     cookie_name: String,
+    tls: bool,
     exposed: bool,
     hosts: Hosts,
     origins: Vec<HeaderValue>,
@@ -111,14 +112,17 @@ impl Access {
             attempts: Attempts::default(),
             sessions: Sessions::new(Duration::from_secs_f64(config.session_s)),
             cookie_name: "doorcam".into(),
+            tls: false,
             exposed,
             hosts,
             origins,
         })
     }
 
-    /// Takes notice of the port, once it is known. Cookies are the same for all ports of a host, on which other doorcams may be.
-    pub(super) fn on(mut self, port: u16) -> Self {
+    /// Takes notice of the port, once it is known, and of TLS. Cookies are the same for all ports of a host, on which other doorcams
+    /// may be.
+    pub(super) fn on(mut self, port: u16, tls: bool) -> Self {
+        self.tls = tls;
         self.cookie_name = format!("doorcam-{port}");
         self
     }
@@ -140,7 +144,7 @@ pub(super) fn layers(router: Router, access: Arc<Access>) -> Router {
     if let Some(cors) = origins::cors(&access.origins) {
         router = router.layer(cors);
     }
-    headers::layers(router.layer(middleware::from_fn_with_state(state(), hosts::check)))
+    headers::layers(router.layer(middleware::from_fn_with_state(state(), hosts::check)), access.tls)
 }
 
 fn is_loopback(address: SocketAddr) -> bool {

@@ -100,10 +100,11 @@ impl Access {
         pairs.find(|(name, _)| *name == self.cookie_name).map(|(_, number)| number)
     }
 
-    /// Out of reach of scripts and of requests that other sites make; over TLS only, if it came over TLS, as the page's origin tells.
+    /// Out of reach of scripts and of requests that other sites make; over TLS only, if it came over TLS: from doorcam itself, or from
+    /// what ends it in front, as the page's origin then tells.
     fn set_cookie(&self, headers: &HeaderMap, number: &str, lifetime_s: u64) -> String {
         let origin = headers.get(header::ORIGIN).map(|origin| origin.as_bytes().starts_with(b"https:"));
-        let secure = if origin == Some(true) { "; Secure" } else { "" };
+        let secure = if self.tls || origin == Some(true) { "; Secure" } else { "" };
         let name = &self.cookie_name;
         format!("{name}={number}; Path=/; HttpOnly; SameSite=Strict; Max-Age={lifetime_s}{secure}")
     }

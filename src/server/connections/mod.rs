@@ -2,8 +2,10 @@
 
 mod held;
 mod slots;
+mod tls;
 
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
@@ -15,13 +17,17 @@ use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
+use tokio::time::timeout;
 use tower::ServiceExt;
 
 use self::held::Held;
 use self::slots::Slots;
+pub use self::tls::{Tls, TlsError};
 use super::access::Peer;
 use crate::config::ServerConfig;
 
+/// How long a client may take to agree on TLS.
+const GREETING_TIME: Duration = Duration::from_secs(10);
 /// How long a client may take for the head of a request, and do nothing before it: an idle connection is closed then.
 const HEAD_TIME: Duration = Duration::from_secs(10);
 /// How long a client may take no bytes of an answer.
@@ -38,6 +44,26 @@ pub(super) async fn serve(
     listener: TcpListener,
     router: Router,
     config: &ServerConfig,
+    tls: Option<Arc<Tls>>,
+    ending: watch::Receiver<bool>,
+) {
+    let following = async {
+        match &tls {
+            Some(tls) => tls.follow().await,
+            None => std::future::pending().await,
+        }
+    };
+    tokio::select! {
+        () = accept(listener, router, config, &tls, ending) => {}
+        () = following => {}
+    }
+}
+
+async fn accept(
+    listener: TcpListener,
+    router: Router,
+    config: &ServerConfig,
+    tls: &Option<Arc<Tls>>,
     mut ending: watch::Receiver<bool>,
 ) {
     let slots = Slots::new(config.max_connections, config.max_connections_per_address);
@@ -52,8 +78,8 @@ pub(super) async fn serve(
                     tracing::debug!("{address}: turned away, too many connections");
                     continue;
                 };
-                let (router, ending) = (router.clone(), ending.clone());
-                tokio::spawn(one(Held::new(stream, slot, WRITE_TIME), address, router, ending));
+                let (router, tls, ending) = (router.clone(), tls.clone(), ending.clone());
+                tokio::spawn(one(Held::new(stream, slot, WRITE_TIME), address, router, tls, ending));
             }
             Err(e) if is_of_one_connection(&e) => {}
             Err(e) => {
@@ -65,8 +91,23 @@ pub(super) async fn serve(
 }
 
 /// Serves one connection to its end.
-async fn one(stream: Held<TcpStream>, address: SocketAddr, router: Router, ending: watch::Receiver<bool>) {
-    requests(stream, address, router, ending).await;
+async fn one(
+    stream: Held<TcpStream>,
+    address: SocketAddr,
+    router: Router,
+    tls: Option<Arc<Tls>>,
+    mut ending: watch::Receiver<bool>,
+) {
+    let Some(tls) = tls else { return requests(stream, address, router, ending).await };
+    let greeted = tokio::select! {
+        greeted = timeout(GREETING_TIME, tls.acceptor().accept(stream)) => greeted,
+        () = end(&mut ending) => return,
+    };
+    match greeted {
+        Ok(Ok(stream)) => requests(stream, address, router, ending).await,
+        Ok(Err(e)) => tracing::debug!("{address}: no TLS: {e}"),
+        Err(_) => tracing::debug!("{address}: no TLS within {} s", GREETING_TIME.as_secs()),
+    }
 }
 
 async fn requests(

@@ -1,0 +1,104 @@
+use std::os::unix::fs::MetadataExt;
+use std::sync::{Arc, PoisonError, RwLock};
+use std::time::{Duration, SystemTime};
+
+use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use rustls::{ServerConfig, crypto};
+use tokio_rustls::TlsAcceptor;
+
+use crate::config::TlsConfig;
+use crate::server::secret_file;
+
+/// How often the files are looked at. What changes is used when it has stayed the same from one look to the next: certificate and key
+/// are written one after the other.
+const LOOK: Duration = Duration::from_secs(2);
+
+/// A certificate or key that cannot be used: one line that names the key of the configuration and the file.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct TlsError(String);
+
+/// The certificate in use, and the files that it is read from again when they change.
+#[derive(Debug)]
+pub struct Tls {
+    files: TlsConfig,
+    read: Stamp,
+    in_use: RwLock<Arc<ServerConfig>>,
+}
+
+/// What changes when files are written or replaced.
+type Stamp = [Option<(SystemTime, u64, u64)>; 2];
+
+impl Tls {
+    /// Reads certificate and key; none if there is to be no TLS. Errors: files that cannot be read, are no PEM, do not belong
+    /// together, or a key that others can read.
+    pub fn load(files: &TlsConfig) -> Result<Option<Self>, TlsError> {
+        if !files.is_on() {
+            return Ok(None);
+        }
+        let read = stamp(files);
+        let in_use = RwLock::new(Arc::new(load(files)?));
+        Ok(Some(Self { files: files.clone(), read, in_use }))
+    }
+
+    /// What greets a new connection.
+    pub(super) fn acceptor(&self) -> TlsAcceptor {
+        TlsAcceptor::from(Arc::clone(&self.in_use.read().unwrap_or_else(PoisonError::into_inner)))
+    }
+
+    /// Uses certificates that replace the one in use; never ends. One that cannot be used is told, and the old one stays.
+    pub(super) async fn follow(&self) {
+        let (mut used, mut seen) = (self.read, self.read);
+        loop {
+            tokio::time::sleep(LOOK).await;
+            let now = stamp(&self.files);
+            if now != used && now == seen {
+                used = now;
+                self.renew();
+            }
+            seen = now;
+        }
+    }
+
+    fn renew(&self) {
+        match load(&self.files) {
+            Ok(fresh) => {
+                *self.in_use.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(fresh);
+                tracing::info!("{}: the new certificate is in use", self.files.certificate_file.display());
+            }
+            Err(e) => tracing::warn!("{e}: the certificate in use stays"),
+        }
+    }
+}
+
+fn stamp(files: &TlsConfig) -> Stamp {
+    [&files.certificate_file, &files.key_file].map(|file| {
+        let data = std::fs::metadata(file).ok()?;
+        Some((data.modified().ok()?, data.len(), data.ino()))
+    })
+}
+
+fn load(files: &TlsConfig) -> Result<ServerConfig, TlsError> {
+    let certificate = |what: &dyn std::fmt::Display| {
+        TlsError(format!("tls.certificate_file: {}: {what}", files.certificate_file.display()))
+    };
+    let key = |what: &dyn std::fmt::Display| TlsError(format!("tls.key_file: {}: {what}", files.key_file.display()));
+    let chain = std::fs::read(&files.certificate_file).map_err(|e| certificate(&format!("cannot read it: {}", e.kind())))?;
+    let chain = CertificateDer::pem_slice_iter(&chain).collect::<Result<Vec<_>, _>>().map_err(|e| certificate(&e))?;
+    if chain.is_empty() {
+        return Err(certificate(&"no certificate in it, expected PEM (-----BEGIN CERTIFICATE-----)"));
+    }
+    let private = secret_file::read(&files.key_file).map_err(|e| TlsError(format!("tls.key_file: {e}")))?;
+    let private = PrivateKeyDer::from_pem_slice(&private)
+        .map_err(|_| key(&"no private key in it, expected PEM (-----BEGIN PRIVATE KEY-----)"))?;
+    let mut config = ServerConfig::builder_with_provider(Arc::new(crypto::ring::default_provider()))
+        .with_safe_default_protocol_versions()
+        .map_err(|e| certificate(&e))?
+        .with_no_client_auth()
+        .with_single_cert(chain, private)
+        .map_err(|e| certificate(&format!("cannot be used with {}: {e}", files.key_file.display())))?;
+    config.alpn_protocols = vec![b"http/1.1".to_vec()];
+    Ok(config)
+}
+
