@@ -180,6 +180,7 @@
  * @property {"read" | "control" | null} scope
  * @property {boolean} token_needed
  * @property {boolean} exposed  everybody in the network may do everything
+ * @property {boolean} images  pictures of the visible side are shown
  * @property {number | null} expires_s
  */
 

@@ -19,6 +19,8 @@ pub struct AccessConfig {
     pub allow_unauthenticated: bool,
     /// How long a login of the page lasts.
     pub session_s: f64,
+    /// Whether pictures of the visible side are shown.
+    pub images: bool,
     /// Names by which it may be called, beside its addresses and those of loopback.
     pub allowed_hosts: Vec<String>,
     /// Origins whose pages may use the API.
@@ -32,6 +34,7 @@ impl Default for AccessConfig {
             read_token_file: PathBuf::new(),
             allow_unauthenticated: false,
             session_s: 43_200.0,
+            images: true,
             allowed_hosts: Vec::new(),
             allowed_origins: Vec::new(),
         }

@@ -6,6 +6,7 @@ mod client;
 mod common;
 mod headers;
 mod hosts;
+mod images;
 mod limits;
 mod session;
 mod tls;

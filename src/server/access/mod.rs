@@ -5,6 +5,7 @@ mod bodies;
 mod guard;
 mod headers;
 mod hosts;
+mod images;
 mod origins;
 mod peer;
 mod senders;
@@ -85,6 +86,7 @@ pub struct Access {
     cookie_name: String,
     tls: bool,
     exposed: bool,
+    images: bool,
     hosts: Hosts,
     origins: Vec<HeaderValue>,
 }
@@ -114,6 +116,7 @@ impl Access {
             cookie_name: "doorcam".into(),
             tls: false,
             exposed,
+            images: config.images,
             hosts,
             origins,
         })
@@ -136,8 +139,11 @@ impl Access {
 /// Puts the rules around every route; the last one is asked first.
 pub(super) fn layers(router: Router, access: Arc<Access>) -> Router {
     let state = || Arc::clone(&access);
-    let mut router = router
-        .layer(middleware::from_fn(bodies::limit))
+    let mut router = router.layer(middleware::from_fn(bodies::limit));
+    if !access.images {
+        router = router.layer(middleware::from_fn(images::withhold));
+    }
+    router = router
         .layer(middleware::from_fn_with_state(state(), guard::guard))
         .layer(middleware::from_fn_with_state(state(), origins::check));
     // Before the guard: a browser asks whether it may ask without a token.

@@ -27,6 +27,8 @@ struct Report {
     token_needed: bool,
     /// Whether everybody in the network may do everything.
     exposed: bool,
+    /// Whether pictures of the visible side are shown.
+    images: bool,
     /// Until its session ends; none without one.
     expires_s: Option<u64>,
 }
@@ -89,6 +91,7 @@ impl Access {
             scope: self.scope_of(headers, peer).ok(),
             token_needed: !self.tokens.is_empty(),
             exposed: self.exposed,
+            images: self.images,
             expires_s: session.map(|session| session.end.saturating_duration_since(now).as_secs()),
         }
     }
