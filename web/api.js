@@ -1,4 +1,4 @@
-/** @import { Calibration, CalibrationDocument, Check, Geometry, Status, Uncertainty, Update } from "./types.js" */
+/** @import { Calibration, CalibrationDocument, Check, Geometry, SignalReport, Status, Uncertainty, Update } from "./types.js" */
 
 // Relative to the page, so that doorcam also works under a path of a reverse proxy.
 const BASE = new URL("api/v1/", document.baseURI);
@@ -74,6 +74,9 @@ export const getReconstruction = () => getJson("reconstruction");
 /** @returns {Promise<Uncertainty>} */
 export const getUncertainty = () => getJson("uncertainty");
 
+/** @returns {Promise<SignalReport>} */
+export const getSignal = () => getJson("signal");
+
 /** @returns {Promise<CalibrationDocument>} */
 export const getCalibration = () => getJson("calibration");
 
@@ -107,6 +110,9 @@ export async function getFrame() {
 
 /** @param {number} sequence  keeps the browser from showing a cached picture */
 export const differenceUrl = (sequence) => new URL(`difference.png?sequence=${sequence}`, BASE).href;
+
+/** @param {number} sequence */
+export const patchesUrl = (sequence) => new URL(`patches.png?sequence=${sequence}`, BASE).href;
 
 export function liveUrl() {
   const url = new URL("live", BASE);

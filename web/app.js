@@ -1,14 +1,15 @@
-import { getGeometry, getReconstruction, getStatus, liveUrl } from "./api.js";
+import { differenceUrl, getGeometry, getReconstruction, getStatus, liveUrl } from "./api.js";
 import { Arrivals } from "./arrivals.js";
 import { CalibrationView } from "./calibration/view.js";
+import { CameraView } from "./camera/view.js";
 import { LayerScales } from "./colour.js";
 import { byId, setText } from "./dom.js";
 import { UNKNOWN, amount } from "./format.js";
 import { judge } from "./freshness.js";
 import { LiveSocket } from "./live.js";
 import { RoomMap } from "./map/map.js";
-import { DifferencePicture } from "./panels/difference.js";
 import { showLitFacets } from "./panels/lit-facets.js";
+import { UpdatePicture } from "./panels/pictures.js";
 import { ResetButton } from "./panels/reset.js";
 import { showSource } from "./panels/source.js";
 import { showConnection, showStatus, showUpdate, showWatchState } from "./panels/status.js";
@@ -19,6 +20,7 @@ import { Route } from "./route.js";
 
 /** @import { Choice, Status, Update } from "./types.js" */
 /** @import { Phase } from "./live.js" */
+/** @import { View } from "./route.js" */
 
 const STATUS_PERIOD_MS = 2000;
 // The eye needs numbers a few times a second; the map alone follows every update.
@@ -26,13 +28,14 @@ const PANEL_PERIOD_MS = 250;
 
 const arrivals = new Arrivals();
 const scales = new LayerScales();
-const difference = new DifferencePicture();
+const difference = new UpdatePicture(byId("difference-image", HTMLImageElement), byId("difference"), differenceUrl, 1);
 const map = new RoomMap(byId("map", HTMLCanvasElement), drawn);
 const tooltip = new Tooltip(map);
 const reset = new ResetButton();
 const uncertainty = new UncertaintyLayer(map);
+const camera = new CameraView();
 const calibration = new CalibrationView(calibrated);
-const route = new Route({ onShow: showView, mayLeave: () => calibration.mayLeave() });
+const route = new Route({ onShow: showView, mayLeave: (view) => (view === "calibration" ? calibration.mayLeave() : true) });
 const live = new LiveSocket(liveUrl(), { onPhase, onMessage });
 
 /** @type {Update | null} */
@@ -43,6 +46,7 @@ let status = null;
 let statusAtS = 0;
 let polling = false;
 let statusFailures = 0;
+let isLive = false;
 let everConnected = false;
 /** Counts connections, so that an answer to an earlier one is known and dropped. */
 let connection = 0;
@@ -173,30 +177,40 @@ async function renewGeometry() {
 function invite() {
   if (invited) return;
   invited = true;
-  route.go(true);
+  route.go("calibration");
 }
 
 /** @param {boolean} first */
 function calibrated(first) {
   void pollStatus();
   // That was the way to the first map: here it is.
-  if (first) route.go(false);
+  if (first) route.go("map");
 }
 
-/** @param {boolean} calibrating */
-function showView(calibrating) {
-  byId("map-view").hidden = calibrating;
-  byId("calibration-view").hidden = !calibrating;
-  byId("to-calibration").hidden = calibrating;
-  document.title = calibrating ? "Calibration – doorcam" : "doorcam";
+/** @type {Record<View, string>} */
+const TITLES = { map: "doorcam", camera: "Camera – doorcam", calibration: "Calibration – doorcam" };
+
+/**
+ * @param {View} view
+ * @param {View} before
+ */
+function showView(view, before) {
+  for (const each of /** @type {View[]} */ (Object.keys(TITLES))) {
+    byId(`${each}-view`).hidden = each !== view;
+    if (each === view) byId(`to-${each}`).setAttribute("aria-current", "page");
+    else byId(`to-${each}`).removeAttribute("aria-current");
+  }
+  document.title = TITLES[view];
   window.scrollTo(0, 0);
-  if (calibrating) {
+  if (before === "calibration") calibration.close();
+  if (before === "camera") camera.close();
+  if (view === "calibration") {
     calibration.follow(status, live.phase === "open");
     calibration.open();
-  } else {
-    calibration.close();
-    byId("to-calibration").focus({ preventScroll: true });
   }
+  if (view === "camera") camera.open();
+  if (view === "map") byId(`to-${before}`).focus({ preventScroll: true });
+  refreshPanels();
 }
 
 async function pollStatus() {
@@ -247,6 +261,7 @@ function refreshConnection() {
     statusAgeS: now - statusAtS,
   });
   showConnection(verdict);
+  isLive = verdict.connection === "live";
   const known = verdict.connection === "live" || verdict.connection === "waiting";
   const watch = newest?.state ?? status?.state ?? null;
   showWatchState(known && status?.calibrated !== false ? watch : null);
@@ -259,6 +274,7 @@ function refreshPanels() {
   refreshConnection();
   const now = nowS();
   showUpdate(newest, arrivals.rateHz(now), arrivals.missed);
+  camera.follow({ status, update: newest, connected: live.phase === "open", live: isLive, nowS: now });
   uncertainty.follow(live.phase === "open" && geometryOf === connection, now);
   if (!newest || !map.geometry || geometryOf !== connection) return;
   const chosen = choice();
@@ -267,7 +283,7 @@ function refreshPanels() {
   showLitFacets(map.geometry, newest, chosen);
   showTracks(newest.tracks, newest.zones ?? []);
   // While the empty room is learned there is nothing that it differs from.
-  if (live.phase === "open" && newest.state !== "learning") difference.refresh(newest.sequence, now);
+  if (live.phase === "open" && newest.state !== "learning" && route.view === "map") difference.refresh(newest.sequence, now);
 }
 
 byId("layer").addEventListener("change", choose);

@@ -93,6 +93,7 @@
  * @typedef {object} Status
  * @property {string} version
  * @property {WatchState} state
+ * @property {string} time  the daemon's clock
  * @property {number} uptime_s
  * @property {string | null} model  null before there is a calibration
  * @property {string | null} preset
@@ -117,6 +118,15 @@
  * @property {number} threshold_m  above it, nobody is observable
  * @property {number} calibration  revision it was made for
  */
+
+/**
+ * How far the change on a patch stands out of the camera's noise.
+ * @typedef {object} PatchSignal
+ * @property {number | null} snr_db  per pixel; null if there is nothing but noise
+ * @property {number} change  as a share of the floor's light
+ * @property {number} noise  of one pixel, the same
+ */
+/** @typedef {{ sequence: number | null, left: PatchSignal | null, right: PatchSignal | null }} SignalReport  null where the noise is not known */
 
 /** @typedef {[number, number]} Pixel  u, v; (0, 0) is the centre of the top left pixel */
 

@@ -185,7 +185,8 @@ impl Engine {
         self.sequence += 1;
         let difference = scene.is_some().then(|| self.reconstructor.difference().clone());
         let sensing = scene.is_some().then(|| self.reconstructor.sensing().cloned()).flatten();
-        Ok(Published { detections, sensing, ..Published::new(update, scene, difference) })
+        let patches = Some(self.pair.clone());
+        Ok(Published { patches, detections, sensing, ..Published::new(update, scene, difference) })
     }
 
     /// Who is where, by a map that is of now; nobody is followed through frames without one.

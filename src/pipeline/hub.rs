@@ -26,6 +26,8 @@ pub struct Published {
     pub scene: Option<Scene>,
     /// The difference measurement, for pictures; none while learning.
     pub difference: Option<PatchPair>,
+    /// The floor as this frame shows it, linear light.
+    pub patches: Option<PatchPair>,
     /// Whom this frame shows by itself.
     pub detections: Vec<Detection>,
     /// What the pixels can tell; none while learning, and with the published model.
@@ -39,7 +41,7 @@ impl Published {
     pub fn new(update: Update, scene: Option<Scene>, difference: Option<PatchPair>) -> Self {
         // An update has no map with keys other than strings, the one thing that serialisation refuses.
         let json = serde_json::to_string(&update).unwrap_or_default().into();
-        Self { update, json, scene, difference, detections: Vec::new(), sensing: None, at: Instant::now() }
+        Self { update, json, scene, difference, patches: None, detections: Vec::new(), sensing: None, at: Instant::now() }
     }
 }
 
@@ -125,6 +127,8 @@ pub struct Status {
     pub version: &'static str,
     /// Whether the map can be trusted.
     pub state: State,
+    /// The daemon's clock, for who wants to know how old an update is.
+    pub time: Timestamp,
     /// Seconds since the start.
     pub uptime_s: f64,
     /// The model in use; none before there is a calibration.
@@ -311,6 +315,7 @@ impl Hub {
         Status {
             version: env!("CARGO_PKG_VERSION"),
             state,
+            time: Timestamp::now(),
             uptime_s: self.started.elapsed().as_secs_f64(),
             model: watched.as_ref().map(|w| w.model.kind.name()),
             preset: self.preset,

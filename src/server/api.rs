@@ -72,6 +72,10 @@ pub(super) async fn difference_png(State(shared): State<Shared>) -> Response {
     picture(shared, |shared| shared.pictures.difference(&shared.hub.latest()?)).await
 }
 
+pub(super) async fn patches_png(State(shared): State<Shared>) -> Response {
+    picture(shared, |shared| shared.pictures.patches(&shared.hub.latest()?)).await
+}
+
 /// Draws on a thread that may take its time.
 async fn picture(
     shared: Shared,

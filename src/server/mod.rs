@@ -8,6 +8,7 @@ mod live;
 mod people;
 mod pictures;
 mod problem;
+mod signal;
 mod uncertainty;
 
 use std::net::SocketAddr;
@@ -148,6 +149,8 @@ fn routes(shared: Shared) -> Router {
         .route("/reconstruction", get(api::reconstruction))
         .route("/reconstruction.png", get(api::reconstruction_png))
         .route("/difference.png", get(api::difference_png))
+        .route("/patches.png", get(api::patches_png))
+        .route("/signal", get(signal::signal))
         .route("/tracks", get(people::tracks))
         .route("/tracks/{id}", get(people::track))
         .route("/events", get(people::events))

@@ -15,7 +15,11 @@ describe("everyone", () => {
     mock.send(update(1, []));
     await reaches(page, "live");
     await page.keyboard.press("Tab");
-    assert.equal(await page.evaluate(() => document.activeElement?.textContent), "Calibrate");
+    assert.equal(await page.evaluate(() => document.activeElement?.textContent), "Map");
+    for (const name of ["Camera", "Calibrate"]) {
+      await page.keyboard.press("Tab");
+      assert.equal(await page.evaluate(() => document.activeElement?.textContent), name);
+    }
     await page.keyboard.press("Tab");
     assert.equal(await page.evaluate(() => /** @type {HTMLInputElement} */ (document.activeElement).value), "unified");
     await page.keyboard.press("ArrowRight");

@@ -12,7 +12,7 @@ import * as scene from "./scene.js";
 
 /** @import { IncomingMessage, ServerResponse } from "node:http" */
 /** @import { AddressInfo } from "node:net" */
-/** @import { Calibration, CalibrationDocument, Uncertainty, Update } from "../../web/types.js" */
+/** @import { Calibration, CalibrationDocument, SignalReport, Uncertainty, Update } from "../../web/types.js" */
 
 const WEB = fileURLToPath(new URL("../../web/", import.meta.url));
 const API = "/api/v1/";
@@ -74,6 +74,11 @@ export class Mock {
     this.latestAt = 0;
     /** @type {Uncertainty | null} */
     this.uncertainty = null;
+    /** @type {Omit<SignalReport, "sequence">} */
+    this.signal = {
+      left: { snr_db: 3.2, change: 0.0118, noise: 0.0082 },
+      right: { snr_db: null, change: 0, noise: 0.0079 },
+    };
     this.calibration = new MockCalibration();
     /** @type {Buffer | null} */
     this.frame = cameraPicture();
@@ -148,7 +153,12 @@ export class Mock {
     const last_update = this.latest && { sequence: this.latest.sequence, age_s };
     if (name === "geometry" && this.status.calibrated) return json(response, this.geometry);
     if (name === "uncertainty" && this.uncertainty) return json(response, this.uncertainty);
-    if (name === "status") return json(response, { ...this.status, last_update });
+    if (name === "status") return json(response, { ...this.status, time: new Date().toISOString(), last_update });
+    if (name === "signal") return json(response, { sequence: this.latest?.sequence ?? null, ...this.signal });
+    if (name === "patches.png" && this.latest) {
+      response.setHeader("content-type", "image/png");
+      return response.end(patchesPicture());
+    }
     if (name === "reconstruction" && this.latest) return json(response, this.latest);
     if (name === "difference.png" && this.latest && this.hasPictures) {
       response.setHeader("content-type", "image/png");
@@ -242,6 +252,10 @@ async function bodyOf(request) {
   let body = "";
   for await (const chunk of request) body += chunk;
   return body;
+}
+
+function patchesPicture() {
+  return png(132, 64, (x, y) => (x >= 64 && x < 68 ? [255, 255, 255] : [188 - y, 170 - y, 150 - (x % 64) / 2]));
 }
 
 /** @param {number} sequence */

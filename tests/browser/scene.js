@@ -39,6 +39,7 @@ export function status() {
   return {
     version: "0.1.0",
     state: "watching",
+    time: new Date().toISOString(),
     uptime_s: 754.2,
     model: "published",
     preset: "published",
