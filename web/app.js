@@ -6,6 +6,9 @@ import { LayerScales } from "./colour.js";
 import { byId, setText } from "./dom.js";
 import { UNKNOWN, amount } from "./format.js";
 import { judge } from "./freshness.js";
+import { HealthCharts } from "./health/charts.js";
+import { DaemonClock } from "./health/clock.js";
+import { Samples } from "./health/samples.js";
 import { LiveSocket } from "./live.js";
 import { RoomMap } from "./map/map.js";
 import { showLitFacets } from "./panels/lit-facets.js";
@@ -25,8 +28,12 @@ import { Route } from "./route.js";
 const STATUS_PERIOD_MS = 2000;
 // The eye needs numbers a few times a second; the map alone follows every update.
 const PANEL_PERIOD_MS = 250;
+const SECOND_MS = 1000;
 
 const arrivals = new Arrivals();
+const clock = new DaemonClock();
+const samples = new Samples();
+const charts = new HealthCharts();
 const scales = new LayerScales();
 const difference = new UpdatePicture(byId("difference-image", HTMLImageElement), byId("difference"), differenceUrl, 1);
 const map = new RoomMap(byId("map", HTMLCanvasElement), drawn);
@@ -47,6 +54,10 @@ let statusAtS = 0;
 let polling = false;
 let statusFailures = 0;
 let isLive = false;
+/** An update that has just come and is not drawn yet. @type {Update | null} */
+let undrawn = null;
+/** From capture to screen, of the newest update that was drawn. @type {number | null} */
+let latencyMs = null;
 let everConnected = false;
 /** Counts connections, so that an answer to an earlier one is known and dropped. */
 let connection = 0;
@@ -67,6 +78,8 @@ function onPhase(phase) {
     everConnected = true;
     connection += 1;
     arrivals.reconnected();
+    clock.forget();
+    latencyMs = null;
     void begin(connection);
   }
   refreshConnection();
@@ -78,7 +91,7 @@ function onPhase(phase) {
  */
 async function begin(which) {
   try {
-    const first = await getStatus();
+    const first = await askStatus();
     // Without a calibration there is no geometry to ask for, and the map stays empty.
     const geometry = first.calibrated === false ? null : await getGeometry();
     if (which !== connection || live.phase !== "open") return;
@@ -117,7 +130,10 @@ function onMessage(text) {
     return; // not ours to show; staleness tells if it goes on
   }
   const now = nowS();
+  // What the socket sends on opening can be old.
+  undrawn = arrivals.sequence === null ? null : update;
   arrivals.record(update.sequence, now);
+  samples.follow(update);
   accept(update, now);
 }
 
@@ -137,6 +153,13 @@ function accept(update, atS) {
   scales.follow(update.facets, nowS());
   map.show(update, scales.of(choice()));
   refreshConnection();
+}
+
+async function askStatus() {
+  const askedMs = Date.now();
+  const fresh = await getStatus();
+  clock.learn(fresh.time, askedMs, Date.now());
+  return fresh;
 }
 
 /** @param {Status} fresh */
@@ -218,7 +241,7 @@ async function pollStatus() {
   if (polling || live.phase !== "open" || geometryOf !== which) return;
   polling = true;
   try {
-    const fresh = await getStatus();
+    const fresh = await askStatus();
     if (which === connection) acceptStatus(fresh);
   } catch {
     // A socket can stay "open" for long after the other side is gone; two silences settle it.
@@ -247,6 +270,16 @@ function drawn(sequence) {
   if (sequence === null) delete document.documentElement.dataset.sequence;
   else document.documentElement.dataset.sequence = String(sequence);
   tooltip.refresh();
+  if (sequence === null || undrawn?.sequence !== sequence) return;
+  latencyMs = clock.sinceMs(undrawn.time, Date.now());
+  undrawn = null;
+  if (latencyMs !== null) samples.drawn(latencyMs);
+}
+
+function secondIsOver() {
+  samples.report(live.phase === "open" ? status : null);
+  samples.close(nowS());
+  if (route.view === "map" && !document.hidden) charts.show(samples.kept);
 }
 
 function refreshConnection() {
@@ -273,7 +306,7 @@ function refreshConnection() {
 function refreshPanels() {
   refreshConnection();
   const now = nowS();
-  showUpdate(newest, arrivals.rateHz(now), arrivals.missed);
+  showUpdate(newest, arrivals.rateHz(now), arrivals.missed, isLive ? latencyMs : null);
   camera.follow({ status, update: newest, connected: live.phase === "open", live: isLive, nowS: now });
   uncertainty.follow(live.phase === "open" && geometryOf === connection, now);
   if (!newest || !map.geometry || geometryOf !== connection) return;
@@ -297,6 +330,7 @@ document.addEventListener("visibilitychange", () => {
 });
 setInterval(pollStatus, STATUS_PERIOD_MS);
 setInterval(refreshPanels, PANEL_PERIOD_MS);
+setInterval(secondIsOver, SECOND_MS);
 
 // For tests that look at pixels: where a floor point in metres lies, in CSS pixels of the canvas.
 Object.defineProperty(window, "doorcam", {

@@ -84,6 +84,8 @@ export class Mock {
     this.frame = cameraPicture();
     /** @type {string | null} When the camera took its last picture, if it has stopped. */
     this.stoppedAt = null;
+    /** How far its clock is ahead of this computer's. */
+    this.clockAheadMs = 0;
     this.resets = 0;
     /** @type {string | null} Why the next change is refused. */
     this.refusal = null;
@@ -153,7 +155,7 @@ export class Mock {
     const last_update = this.latest && { sequence: this.latest.sequence, age_s };
     if (name === "geometry" && this.status.calibrated) return json(response, this.geometry);
     if (name === "uncertainty" && this.uncertainty) return json(response, this.uncertainty);
-    if (name === "status") return json(response, { ...this.status, time: new Date().toISOString(), last_update });
+    if (name === "status") return json(response, { ...this.status, time: new Date(Date.now() + this.clockAheadMs).toISOString(), last_update });
     if (name === "signal") return json(response, { sequence: this.latest?.sequence ?? null, ...this.signal });
     if (name === "patches.png" && this.latest) {
       response.setHeader("content-type", "image/png");
