@@ -8,8 +8,10 @@ mod live;
 mod people;
 mod pictures;
 mod problem;
+mod recording;
 mod signal;
 mod uncertainty;
+mod zones;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -29,7 +31,7 @@ use tower_http::set_header::SetResponseHeaderLayer;
 
 use self::pictures::Pictures;
 use self::problem::Problem;
-use crate::pipeline::{Calibrator, Control, Hub};
+use crate::pipeline::{Calibrator, Control, Hub, Recordings, ZoneKeeper};
 
 /// Why the server is not there.
 #[derive(Debug, thiserror::Error)]
@@ -55,6 +57,10 @@ pub struct Backend {
     pub control: Control,
     /// The calibration.
     pub calibrator: Calibrator,
+    /// Recordings of what the source gives.
+    pub recordings: Arc<Recordings>,
+    /// The zones.
+    pub zones: ZoneKeeper,
     /// The recorder of `/metrics`; none for none.
     pub metrics: Option<PrometheusHandle>,
 }
@@ -65,6 +71,8 @@ struct Shared {
     hub: Arc<Hub>,
     control: Control,
     calibrator: Arc<Calibrator>,
+    recordings: Arc<Recordings>,
+    zones: Arc<ZoneKeeper>,
     metrics: Option<PrometheusHandle>,
     pictures: Arc<Pictures>,
     encoded: Arc<frame::Encoded>,
@@ -107,13 +115,15 @@ impl Server {
 
     /// Serves until `end` completes, then tells clients and gives them a moment to leave.
     pub async fn serve(self, backend: Backend, end: impl Future<Output = ()>) -> Result<(), ServerError> {
-        let Backend { hub, control, calibrator, metrics } = backend;
+        let Backend { hub, control, calibrator, recordings, zones, metrics } = backend;
         let (tell, ending) = watch::channel(false);
         let mut told = ending.clone();
         let shared = Shared {
             hub,
             control,
             calibrator: Arc::new(calibrator),
+            recordings,
+            zones: Arc::new(zones),
             metrics,
             pictures: Arc::default(),
             encoded: Arc::default(),
@@ -154,7 +164,8 @@ fn routes(shared: Shared) -> Router {
         .route("/tracks", get(people::tracks))
         .route("/tracks/{id}", get(people::track))
         .route("/events", get(people::events))
-        .route("/zones", get(people::zones))
+        .route("/zones", get(people::zones).put(zones::put).delete(zones::delete))
+        .route("/recording", get(recording::get).post(recording::post).delete(recording::delete))
         .route("/uncertainty", get(uncertainty::uncertainty))
         .route("/calibration", get(calibration::get).put(calibration::put))
         .route("/calibration/check", post(calibration::check))
