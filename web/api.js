@@ -1,4 +1,4 @@
-/** @import { Calibration, CalibrationDocument, Check, Geometry, SignalReport, Status, Uncertainty, Update } from "./types.js" */
+/** @import { Calibration, CalibrationDocument, Check, EventPage, Geometry, OccupancyPage, RecordingReport, RecordingWish, SignalReport, Status, Uncertainty, Update, Zone, ZonesDocument } from "./types.js" */
 
 // Relative to the page, so that doorcam also works under a path of a reverse proxy.
 const BASE = new URL("api/v1/", document.baseURI);
@@ -101,6 +101,42 @@ export const restorePrevious = () => change("calibration/previous", { method: "P
 export async function resetBackground() {
   await ask("background/reset", { method: "POST" });
 }
+
+/**
+ * @param {Record<string, string | number>} wanted
+ * @returns {Promise<EventPage>}
+ */
+export const getEvents = (wanted) => getJson(`events?${query(wanted)}`);
+
+/**
+ * @param {Record<string, string | number>} wanted
+ * @returns {Promise<OccupancyPage>}
+ */
+export const getOccupancy = (wanted) => getJson(`occupancy?${query(wanted)}`);
+
+/** @param {Record<string, string | number>} wanted */
+const query = (wanted) => new URLSearchParams(Object.entries(wanted).map(([key, value]) => [key, String(value)]));
+
+/** @returns {Promise<ZonesDocument>} */
+export const getZones = () => getJson("zones");
+
+/**
+ * @param {Zone[]} zones
+ * @returns {Promise<ZonesDocument>}
+ */
+export const putZones = (zones) => change("zones", { method: "PUT", ...json({ zones }) });
+
+/** @returns {Promise<ZonesDocument>} back to those of the configuration */
+export const forgetZones = () => change("zones", { method: "DELETE" });
+
+/**
+ * @param {RecordingWish} wish
+ * @returns {Promise<RecordingReport>}
+ */
+export const startRecording = (wish) => change("recording", { method: "POST", ...json(wish) });
+
+/** @returns {Promise<RecordingReport>} when all of it is on the disk */
+export const stopRecording = () => change("recording", { method: "DELETE" });
 
 /** The camera's newest picture, and when it was taken: the same one may come again. */
 export async function getFrame() {

@@ -9,10 +9,13 @@ import { judge } from "./freshness.js";
 import { HealthCharts } from "./health/charts.js";
 import { DaemonClock } from "./health/clock.js";
 import { Samples } from "./health/samples.js";
+import { HistoryView } from "./history/view.js";
 import { LiveSocket } from "./live.js";
 import { RoomMap } from "./map/map.js";
 import { showLitFacets } from "./panels/lit-facets.js";
+import { Pause } from "./panels/pause.js";
 import { UpdatePicture } from "./panels/pictures.js";
+import { RecordingPanel } from "./panels/recording.js";
 import { ResetButton } from "./panels/reset.js";
 import { showSource } from "./panels/source.js";
 import { showConnection, showStatus, showUpdate, showWatchState } from "./panels/status.js";
@@ -20,8 +23,10 @@ import { Tooltip } from "./panels/tooltip.js";
 import { showTracks } from "./panels/tracks.js";
 import { UncertaintyLayer } from "./panels/uncertainty.js";
 import { Route } from "./route.js";
+import { remember } from "./view-settings.js";
+import { ZonesView } from "./zones/view.js";
 
-/** @import { Choice, Status, Update } from "./types.js" */
+/** @import { Choice, Parts, Status, Update } from "./types.js" */
 /** @import { Phase } from "./live.js" */
 /** @import { View } from "./route.js" */
 
@@ -38,11 +43,15 @@ const scales = new LayerScales();
 const difference = new UpdatePicture(byId("difference-image", HTMLImageElement), byId("difference"), differenceUrl, 1);
 const map = new RoomMap(byId("map", HTMLCanvasElement), drawn);
 const tooltip = new Tooltip(map);
+const pause = new Pause(held);
 const reset = new ResetButton();
+const recording = new RecordingPanel(() => void pollStatus());
 const uncertainty = new UncertaintyLayer(map);
 const camera = new CameraView();
 const calibration = new CalibrationView(calibrated);
-const route = new Route({ onShow: showView, mayLeave: (view) => (view === "calibration" ? calibration.mayLeave() : true) });
+const past = new HistoryView();
+const zones = new ZonesView(map, () => void pollStatus());
+const route = new Route({ onShow: showView, mayLeave });
 const live = new LiveSocket(liveUrl(), { onPhase, onMessage });
 
 /** @type {Update | null} */
@@ -99,6 +108,8 @@ async function begin(which) {
     const held = arrivals.sequence === null ? null : newest;
     geometryOf = which;
     early = null;
+    // What is held is of another room.
+    pause.resume();
     map.setGeometry(geometry);
     acceptStatus(first);
     newest = null;
@@ -151,7 +162,7 @@ function accept(update, atS) {
   newestAtS = atS;
   if (geometryOf !== connection) return;
   scales.follow(update.facets, nowS());
-  map.show(update, scales.of(choice()));
+  if (!pause.held) map.show(update, scales.of(choice()));
   refreshConnection();
 }
 
@@ -160,6 +171,12 @@ async function askStatus() {
   const fresh = await getStatus();
   clock.learn(fresh.time, askedMs, Date.now());
   return fresh;
+}
+
+/** @param {Update | null} held */
+function held(held) {
+  if (!held && newest && geometryOf === connection) map.show(newest, scales.of(choice()));
+  refreshPanels();
 }
 
 /** @param {Status} fresh */
@@ -173,19 +190,21 @@ function acceptStatus(fresh) {
   showStatus(fresh);
   showSource(fresh);
   if (fresh.calibrated === false) invite();
-  else if (fresh.calibration_revision !== map.geometry?.calibration) void renewGeometry();
+  else if (fresh.calibration_revision !== map.geometry?.calibration || fresh.zones_revision !== map.geometry.zones_revision) void renewGeometry();
   refreshConnection();
 }
 
-/** The camera has been calibrated anew: every place in the picture means another one in the room. */
+/** The camera has been calibrated anew: every place in the picture means another one in the room. Or there are other zones. */
 async function renewGeometry() {
   if (renewing) return;
   renewing = true;
   const which = connection;
   try {
     const geometry = await getGeometry();
-    if (which !== connection || geometry.calibration === map.geometry?.calibration) return;
+    if (which !== connection) return;
+    if (geometry.calibration === map.geometry?.calibration) return map.setZones(geometry.zones ?? [], geometry.zones_revision ?? 0);
     newest = null;
+    pause.resume();
     map.setGeometry(geometry);
     if (early && early.update.calibration === geometry.calibration) accept(early.update, early.atS);
     early = null;
@@ -210,8 +229,14 @@ function calibrated(first) {
   if (first) route.go("map");
 }
 
+/** @param {View} view */
+function mayLeave(view) {
+  if (view === "calibration") return calibration.mayLeave();
+  return view === "zones" ? zones.mayLeave() : true;
+}
+
 /** @type {Record<View, string>} */
-const TITLES = { map: "doorcam", camera: "Camera – doorcam", calibration: "Calibration – doorcam" };
+const TITLES = { map: "doorcam", camera: "Camera – doorcam", history: "History – doorcam", zones: "Zones – doorcam", calibration: "Calibration – doorcam" };
 
 /**
  * @param {View} view
@@ -219,19 +244,26 @@ const TITLES = { map: "doorcam", camera: "Camera – doorcam", calibration: "Cal
  */
 function showView(view, before) {
   for (const each of /** @type {View[]} */ (Object.keys(TITLES))) {
-    byId(`${each}-view`).hidden = each !== view;
+    // Zones are drawn on the live map.
+    if (each !== "zones") byId(`${each}-view`).hidden = each !== (view === "zones" ? "map" : view);
     if (each === view) byId(`to-${each}`).setAttribute("aria-current", "page");
     else byId(`to-${each}`).removeAttribute("aria-current");
   }
   document.title = TITLES[view];
   window.scrollTo(0, 0);
+  // Only the map is held: elsewhere things go on.
+  if (view !== "map" && view !== "zones") pause.resume();
   if (before === "calibration") calibration.close();
   if (before === "camera") camera.close();
+  if (before === "history") past.close();
+  if (before === "zones") zones.close();
   if (view === "calibration") {
     calibration.follow(status, live.phase === "open");
     calibration.open();
   }
   if (view === "camera") camera.open();
+  if (view === "history") past.open();
+  if (view === "zones") zones.open();
   if (view === "map") byId(`to-${before}`).focus({ preventScroll: true });
   refreshPanels();
 }
@@ -259,6 +291,12 @@ function choice() {
   return /** @type {Choice} */ ({ layer: value("layer"), signs: value("signs"), brightness: value("brightness") });
 }
 
+/** @returns {Parts} */
+function parts() {
+  const shown = [...byId("parts").querySelectorAll("input")].map((input) => [input.id.replace("part-", ""), input.checked]);
+  return /** @type {Parts} */ (Object.fromEntries(shown));
+}
+
 function choose() {
   const chosen = choice();
   map.choose(chosen, scales.of(chosen));
@@ -270,6 +308,7 @@ function drawn(sequence) {
   if (sequence === null) delete document.documentElement.dataset.sequence;
   else document.documentElement.dataset.sequence = String(sequence);
   tooltip.refresh();
+  zones.place();
   if (sequence === null || undrawn?.sequence !== sequence) return;
   latencyMs = clock.sinceMs(undrawn.time, Date.now());
   undrawn = null;
@@ -292,15 +331,19 @@ function refreshConnection() {
     watch: newest?.state ?? null,
     status,
     statusAgeS: now - statusAtS,
+    paused: pause.held !== null,
   });
   showConnection(verdict);
-  isLive = verdict.connection === "live";
-  const known = verdict.connection === "live" || verdict.connection === "waiting";
+  isLive = verdict.connection === "live" || verdict.connection === "paused";
+  pause.follow(newest, newestAtS, now);
+  const known = ["live", "paused", "waiting"].includes(verdict.connection);
   const watch = newest?.state ?? status?.state ?? null;
   showWatchState(known && status?.calibrated !== false ? watch : null);
   const connected = live.phase === "open" && status !== null;
+  recording.follow(status, connected);
   reset.follow(connected && status?.calibrated !== false, watch);
   calibration.follow(status, connected);
+  zones.follow(connected);
 }
 
 function refreshPanels() {
@@ -308,21 +351,24 @@ function refreshPanels() {
   const now = nowS();
   showUpdate(newest, arrivals.rateHz(now), arrivals.missed, isLive ? latencyMs : null);
   camera.follow({ status, update: newest, connected: live.phase === "open", live: isLive, nowS: now });
-  uncertainty.follow(live.phase === "open" && geometryOf === connection, now);
-  if (!newest || !map.geometry || geometryOf !== connection) return;
+  past.follow({ status, zones: map.geometry?.zones ?? [], connected: live.phase === "open", daemonMs: clock.at(Date.now()), nowS: now });
+  uncertainty.follow(live.phase === "open" && geometryOf === connection, newest, now);
+  const shown = pause.held ?? newest;
+  if (!shown || !map.geometry || geometryOf !== connection) return;
   const chosen = choice();
   const scale = scales.of(chosen);
   setText(byId("scale"), scale > 0 ? amount(scale) : UNKNOWN);
-  showLitFacets(map.geometry, newest, chosen);
-  showTracks(newest.tracks, newest.zones ?? []);
+  showLitFacets(map.geometry, shown, chosen);
+  showTracks(shown.tracks, shown.zones ?? []);
   // While the empty room is learned there is nothing that it differs from.
-  if (live.phase === "open" && newest.state !== "learning" && route.view === "map") difference.refresh(newest.sequence, now);
+  if (live.phase === "open" && !pause.held && shown.state !== "learning" && route.view === "map") difference.refresh(shown.sequence, now);
 }
 
 byId("layer").addEventListener("change", choose);
 byId("signs").addEventListener("change", choose);
 byId("brightness").addEventListener("change", choose);
 byId("uncertainty").addEventListener("change", refreshPanels);
+byId("parts").addEventListener("change", () => map.setParts(parts()));
 byId("lit").addEventListener("toggle", refreshPanels);
 window.addEventListener("online", () => live.hurry());
 document.addEventListener("visibilitychange", () => {
@@ -337,6 +383,8 @@ Object.defineProperty(window, "doorcam", {
   value: Object.freeze({ mapPoint: (/** @type {number} */ x, /** @type {number} */ y) => map.pointOf(x, y) }),
 });
 
+remember(["layer", "signs", "brightness", "uncertainty-group", "parts", "history-span"].map((id) => byId(id)));
+map.setParts(parts());
 choose();
 route.start();
 live.connect();

@@ -1,8 +1,8 @@
-/** @typedef {"map" | "camera" | "calibration"} View */
+/** @typedef {"map" | "camera" | "history" | "zones" | "calibration"} View */
 
 // None of these is the id of an element: the browser would scroll there and take the focus along.
 /** @type {Record<View, string>} */
-const ADDRESSES = { map: "", camera: "#camera", calibration: "#calibrate" };
+const ADDRESSES = { map: "", camera: "#camera", history: "#history", zones: "#zones", calibration: "#calibrate" };
 
 /** Which of the page's views is shown: what the address says after its #; the map where it says nothing known. */
 export class Route {

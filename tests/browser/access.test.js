@@ -16,7 +16,7 @@ describe("everyone", () => {
     await reaches(page, "live");
     await page.keyboard.press("Tab");
     assert.equal(await page.evaluate(() => document.activeElement?.textContent), "Map");
-    for (const name of ["Camera", "Calibrate"]) {
+    for (const name of ["Camera", "History", "Zones", "Calibrate"]) {
       await page.keyboard.press("Tab");
       assert.equal(await page.evaluate(() => document.activeElement?.textContent), name);
     }
@@ -34,8 +34,13 @@ describe("everyone", () => {
     await page.keyboard.press("Space");
     assert.equal(await page.getByLabel("Uncertainty").isChecked(), true);
     await page.keyboard.press("Tab");
-    await page.keyboard.press("Enter");
-    await page.locator("#lit[open]").waitFor();
+    assert.equal(await page.evaluate(() => document.activeElement?.id), "pause");
+    for (const details of ["#parts", "#lit"]) {
+      await page.keyboard.press("Tab");
+      await page.keyboard.press("Enter");
+      await page.locator(`${details}[open]`).waitFor();
+      await page.keyboard.press("Enter");
+    }
   });
 
   for (const width of [360, PHONE.width, 768, 1024, 1920]) {

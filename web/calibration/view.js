@@ -5,7 +5,7 @@ import { sourceWords } from "../source-words.js";
 import { CameraPicture } from "../camera/picture.js";
 import { Checker } from "./checker.js";
 import { Editor } from "./editor.js";
-import { askToDrop } from "./drop.js";
+import { askToDrop } from "../drop.js";
 import { Draft } from "./points.js";
 import { whyNotSave } from "./words.js";
 

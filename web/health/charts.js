@@ -67,6 +67,7 @@ class Chart {
     this.svg.setAttribute("viewBox", `0 0 ${SECONDS - 1} ${HEIGHT}`);
     this.svg.setAttribute("preserveAspectRatio", "none");
     this.svg.setAttribute("role", "img");
+    this.svg.setAttribute("class", "of-now");
     this.zero = document.createElementNS(SVG, "path");
     this.zero.setAttribute("class", "chart-zero");
     this.paths = kind.lines.map((_, index) => {

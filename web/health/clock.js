@@ -24,6 +24,16 @@ export class DaemonClock {
   }
 
   /**
+   * @param {number} nowMs  by this computer's clock
+   * @returns {number | null} by the daemon's
+   */
+  at(nowMs) {
+    if (this.measured.length === 0) return null;
+    const best = this.measured.reduce((a, b) => (b.roundTripMs < a.roundTripMs ? b : a));
+    return nowMs + best.offsetMs;
+  }
+
+  /**
    * How long ago something was by the daemon's clock; null as long as that is not known. It is known
    * to half the shortest round trip.
    * @param {string} time
@@ -31,9 +41,9 @@ export class DaemonClock {
    * @returns {number | null}
    */
   sinceMs(time, nowMs) {
-    if (this.measured.length === 0) return null;
-    const best = this.measured.reduce((a, b) => (b.roundTripMs < a.roundTripMs ? b : a));
-    const since = nowMs + best.offsetMs - Date.parse(time);
+    const daemonMs = this.at(nowMs);
+    if (daemonMs === null) return null;
+    const since = daemonMs - Date.parse(time);
     return Number.isFinite(since) ? Math.max(0, since) : null;
   }
 }
