@@ -23,14 +23,12 @@ impl Signal {
 
     fn of_side(difference: &PatchPair, sensing: &Sensing, s: usize) -> Option<Self> {
         let side = Side::BOTH[s];
-        let pixels = difference.side(side).pixels();
         let (mut power, mut counted, mut free, mut level, mut variance) = (0.0, 0, 0, 0.0, 0.0);
         for channel in 0..3 {
             let still = sensing.still.side(side).plane(channel);
             let change = difference.side(side).plane(channel);
-            let weights = &sensing.weights[s][channel * pixels..(channel + 1) * pixels];
             let samples = || {
-                let all = weights.iter().zip(still).zip(change);
+                let all = sensing.weights[s].iter().zip(still).zip(change);
                 all.filter(|((w, _), _)| **w > 0.0).map(|((w, x0), y)| (*w, f64::from(*x0), f64::from(*y)))
             };
             let Some([veil, gain]) = nuisance(samples()) else { continue };
@@ -84,7 +82,7 @@ mod tests {
         let noisy = frames(1, NoiseModel { read: SIGMA * SIGMA, shot: 0.0 }, 0.0).remove(0);
         let mut difference = PatchPair::zeros(SIZE);
         noisy.subtract(&quiet, &mut difference);
-        let weights = || vec![1.0 / SIGMA; 3 * SIZE * SIZE];
+        let weights = || vec![1.0 / SIGMA; SIZE * SIZE];
         (Sensing { still: quiet, weights: [weights(), weights()] }, difference)
     }
 
@@ -131,9 +129,7 @@ mod tests {
     fn pixels_that_do_not_count_tell_nothing() {
         let (mut sensing, mut difference) = noisy();
         add(&mut difference, |row, _| if row == 0 { 0.5 } else { 0.0 });
-        for channel in 0..3 {
-            sensing.weights[0][channel * SIZE * SIZE..][..SIZE].fill(0.0);
-        }
+        sensing.weights[0][..SIZE].fill(0.0);
         assert!(Signal::of(&difference, &sensing)[0].unwrap().snr < 0.06);
         sensing.weights[1].fill(0.0);
         assert_eq!(Signal::of(&difference, &sensing)[1], None);

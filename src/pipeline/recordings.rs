@@ -122,7 +122,9 @@ impl Recordings {
             let range = format!("from 0 to below {}", Self::MOST_SECONDS);
             return Err(RecordingRefused::Seconds("empty_seconds", empty, range));
         }
-        let seconds = wish.seconds.unwrap_or(Self::SECONDS.max(empty + Self::SECONDS).min(Self::MOST_SECONDS));
+        // Something of it must be left after a long time of an empty room.
+        let usual = if empty < Self::SECONDS { Self::SECONDS } else { (2.0 * empty).min(Self::MOST_SECONDS) };
+        let seconds = wish.seconds.unwrap_or(usual);
         if !(seconds > empty && seconds <= Self::MOST_SECONDS) {
             let range = format!("above those of the empty room ({empty}) and at most {}", Self::MOST_SECONDS);
             return Err(RecordingRefused::Seconds("seconds", seconds, range));
