@@ -14,7 +14,7 @@ pub use background::{AveragingConfig, BackgroundConfig};
 pub use camera::{CameraConfig, StorageConfig};
 use serde::{Deserialize, Serialize};
 pub use tls::TlsConfig;
-pub use tracking::TrackerConfig;
+pub use tracking::{TrackerConfig, check_zones};
 
 use crate::geometry::{GridSpec, Point, Room};
 use crate::scene::Brightness;

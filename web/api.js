@@ -1,4 +1,4 @@
-/** @import { Calibration, CalibrationDocument, Check, Geometry, Session, Status, Uncertainty, Update } from "./types.js" */
+/** @import { Calibration, CalibrationDocument, Check, EventPage, Geometry, OccupancyPage, RecordingReport, RecordingWish, Session, SignalReport, Status, Uncertainty, Update, Zone, ZonesDocument } from "./types.js" */
 
 // Relative to the page, so that doorcam also works under a path of a reverse proxy.
 const BASE = new URL("api/v1/", document.baseURI);
@@ -98,6 +98,9 @@ export const logOut = () => ask("session", { method: "DELETE" });
 /** @returns {Promise<Uncertainty>} */
 export const getUncertainty = () => getJson("uncertainty");
 
+/** @returns {Promise<SignalReport>} */
+export const getSignal = () => getJson("signal");
+
 /** @returns {Promise<CalibrationDocument>} */
 export const getCalibration = () => getJson("calibration");
 
@@ -123,6 +126,42 @@ export async function resetBackground() {
   await ask("background/reset", { method: "POST" });
 }
 
+/**
+ * @param {Record<string, string | number>} wanted
+ * @returns {Promise<EventPage>}
+ */
+export const getEvents = (wanted) => getJson(`events?${query(wanted)}`);
+
+/**
+ * @param {Record<string, string | number>} wanted
+ * @returns {Promise<OccupancyPage>}
+ */
+export const getOccupancy = (wanted) => getJson(`occupancy?${query(wanted)}`);
+
+/** @param {Record<string, string | number>} wanted */
+const query = (wanted) => new URLSearchParams(Object.entries(wanted).map(([key, value]) => [key, String(value)]));
+
+/** @returns {Promise<ZonesDocument>} */
+export const getZones = () => getJson("zones");
+
+/**
+ * @param {Zone[]} zones
+ * @returns {Promise<ZonesDocument>}
+ */
+export const putZones = (zones) => change("zones", { method: "PUT", ...json({ zones }) });
+
+/** @returns {Promise<ZonesDocument>} back to those of the configuration */
+export const forgetZones = () => change("zones", { method: "DELETE" });
+
+/**
+ * @param {RecordingWish} wish
+ * @returns {Promise<RecordingReport>}
+ */
+export const startRecording = (wish) => change("recording", { method: "POST", ...json(wish) });
+
+/** @returns {Promise<RecordingReport>} when all of it is on the disk */
+export const stopRecording = () => change("recording", { method: "DELETE" });
+
 /** The camera's newest picture, and when it was taken: the same one may come again. */
 export async function getFrame() {
   const response = await ask("frame.jpg");
@@ -131,6 +170,9 @@ export async function getFrame() {
 
 /** @param {number} sequence  keeps the browser from showing a cached picture */
 export const differenceUrl = (sequence) => new URL(`difference.png?sequence=${sequence}`, BASE).href;
+
+/** @param {number} sequence */
+export const patchesUrl = (sequence) => new URL(`patches.png?sequence=${sequence}`, BASE).href;
 
 export function liveUrl() {
   const url = new URL("live", BASE);

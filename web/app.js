@@ -1,15 +1,22 @@
 import { Access } from "./access.js";
-import { getGeometry, getReconstruction, getStatus, liveUrl } from "./api.js";
+import { differenceUrl, getGeometry, getReconstruction, getStatus, liveUrl } from "./api.js";
 import { Arrivals } from "./arrivals.js";
 import { CalibrationView } from "./calibration/view.js";
+import { CameraView } from "./camera/view.js";
 import { LayerScales } from "./colour.js";
 import { byId, setText } from "./dom.js";
 import { UNKNOWN, amount } from "./format.js";
 import { judge } from "./freshness.js";
+import { HealthCharts } from "./health/charts.js";
+import { DaemonClock } from "./health/clock.js";
+import { Samples } from "./health/samples.js";
+import { HistoryView } from "./history/view.js";
 import { LiveSocket } from "./live.js";
 import { RoomMap } from "./map/map.js";
-import { DifferencePicture } from "./panels/difference.js";
 import { showLitFacets } from "./panels/lit-facets.js";
+import { Pause } from "./panels/pause.js";
+import { UpdatePicture } from "./panels/pictures.js";
+import { RecordingPanel } from "./panels/recording.js";
 import { ResetButton } from "./panels/reset.js";
 import { showSource } from "./panels/source.js";
 import { showConnection, showStatus, showUpdate, showWatchState } from "./panels/status.js";
@@ -17,23 +24,35 @@ import { Tooltip } from "./panels/tooltip.js";
 import { showTracks } from "./panels/tracks.js";
 import { UncertaintyLayer } from "./panels/uncertainty.js";
 import { Route } from "./route.js";
+import { remember } from "./view-settings.js";
+import { ZonesView } from "./zones/view.js";
 
-/** @import { Choice, Status, Update } from "./types.js" */
+/** @import { Choice, Parts, Status, Update } from "./types.js" */
 /** @import { Phase } from "./live.js" */
+/** @import { View } from "./route.js" */
 
 const STATUS_PERIOD_MS = 2000;
 // The eye needs numbers a few times a second; the map alone follows every update.
 const PANEL_PERIOD_MS = 250;
+const SECOND_MS = 1000;
 
 const arrivals = new Arrivals();
+const clock = new DaemonClock();
+const samples = new Samples();
+const charts = new HealthCharts();
 const scales = new LayerScales();
-const difference = new DifferencePicture();
+const difference = new UpdatePicture(byId("difference-image", HTMLImageElement), byId("difference"), differenceUrl, 1);
 const map = new RoomMap(byId("map", HTMLCanvasElement), drawn);
 const tooltip = new Tooltip(map);
+const pause = new Pause(held);
 const reset = new ResetButton();
+const recording = new RecordingPanel(() => void pollStatus());
 const uncertainty = new UncertaintyLayer(map);
+const camera = new CameraView();
 const calibration = new CalibrationView(calibrated);
-const route = new Route({ onShow: showView, mayLeave: () => calibration.mayLeave() });
+const past = new HistoryView();
+const zones = new ZonesView(map, () => void pollStatus());
+const route = new Route({ onShow: showView, mayLeave });
 const access = new Access({
   onGranted: () => {
     live.hurry();
@@ -51,6 +70,11 @@ let status = null;
 let statusAtS = 0;
 let polling = false;
 let statusFailures = 0;
+let isLive = false;
+/** An update that has just come and is not drawn yet. @type {Update | null} */
+let undrawn = null;
+/** From capture to screen, of the newest update that was drawn. @type {number | null} */
+let latencyMs = null;
 let everConnected = false;
 /** Counts connections, so that an answer to an earlier one is known and dropped. */
 let connection = 0;
@@ -71,6 +95,8 @@ function onPhase(phase) {
     everConnected = true;
     connection += 1;
     arrivals.reconnected();
+    clock.forget();
+    latencyMs = null;
     void begin(connection);
   }
   // A socket that is refused does not say why.
@@ -84,7 +110,7 @@ function onPhase(phase) {
  */
 async function begin(which) {
   try {
-    const first = await getStatus();
+    const first = await askStatus();
     // Without a calibration there is no geometry to ask for, and the map stays empty.
     const geometry = first.calibrated === false ? null : await getGeometry();
     if (which !== connection || live.phase !== "open") return;
@@ -92,6 +118,8 @@ async function begin(which) {
     const held = arrivals.sequence === null ? null : newest;
     geometryOf = which;
     early = null;
+    // What is held is of another room.
+    pause.resume();
     map.setGeometry(geometry);
     acceptStatus(first);
     newest = null;
@@ -123,7 +151,10 @@ function onMessage(text) {
     return; // not ours to show; staleness tells if it goes on
   }
   const now = nowS();
+  // What the socket sends on opening can be old.
+  undrawn = arrivals.sequence === null ? null : update;
   arrivals.record(update.sequence, now);
+  samples.follow(update);
   accept(update, now);
 }
 
@@ -141,8 +172,21 @@ function accept(update, atS) {
   newestAtS = atS;
   if (geometryOf !== connection) return;
   scales.follow(update.facets, nowS());
-  map.show(update, scales.of(choice()));
+  if (!pause.held) map.show(update, scales.of(choice()));
   refreshConnection();
+}
+
+async function askStatus() {
+  const askedMs = Date.now();
+  const fresh = await getStatus();
+  clock.learn(fresh.time, askedMs, Date.now());
+  return fresh;
+}
+
+/** @param {Update | null} held */
+function held(held) {
+  if (!held && newest && geometryOf === connection) map.show(newest, scales.of(choice()));
+  refreshPanels();
 }
 
 /** @param {Status} fresh */
@@ -156,19 +200,21 @@ function acceptStatus(fresh) {
   showStatus(fresh);
   showSource(fresh);
   if (fresh.calibrated === false) invite();
-  else if (fresh.calibration_revision !== map.geometry?.calibration) void renewGeometry();
+  else if (fresh.calibration_revision !== map.geometry?.calibration || fresh.zones_revision !== map.geometry.zones_revision) void renewGeometry();
   refreshConnection();
 }
 
-/** The camera has been calibrated anew: every place in the picture means another one in the room. */
+/** The camera has been calibrated anew: every place in the picture means another one in the room. Or there are other zones. */
 async function renewGeometry() {
   if (renewing) return;
   renewing = true;
   const which = connection;
   try {
     const geometry = await getGeometry();
-    if (which !== connection || geometry.calibration === map.geometry?.calibration) return;
+    if (which !== connection) return;
+    if (geometry.calibration === map.geometry?.calibration) return map.setZones(geometry.zones ?? [], geometry.zones_revision ?? 0);
     newest = null;
+    pause.resume();
     map.setGeometry(geometry);
     if (early && early.update.calibration === geometry.calibration) accept(early.update, early.atS);
     early = null;
@@ -183,30 +229,53 @@ async function renewGeometry() {
 function invite() {
   if (invited) return;
   invited = true;
-  route.go(true);
+  route.go("calibration");
 }
 
 /** @param {boolean} first */
 function calibrated(first) {
   void pollStatus();
   // That was the way to the first map: here it is.
-  if (first) route.go(false);
+  if (first) route.go("map");
 }
 
-/** @param {boolean} calibrating */
-function showView(calibrating) {
-  byId("map-view").hidden = calibrating;
-  byId("calibration-view").hidden = !calibrating;
-  byId("to-calibration").hidden = calibrating;
-  document.title = calibrating ? "Calibration – doorcam" : "doorcam";
+/** @param {View} view */
+function mayLeave(view) {
+  if (view === "calibration") return calibration.mayLeave();
+  return view === "zones" ? zones.mayLeave() : true;
+}
+
+/** @type {Record<View, string>} */
+const TITLES = { map: "doorcam", camera: "Camera – doorcam", history: "History – doorcam", zones: "Zones – doorcam", calibration: "Calibration – doorcam" };
+
+/**
+ * @param {View} view
+ * @param {View} before
+ */
+function showView(view, before) {
+  for (const each of /** @type {View[]} */ (Object.keys(TITLES))) {
+    // Zones are drawn on the live map.
+    if (each !== "zones") byId(`${each}-view`).hidden = each !== (view === "zones" ? "map" : view);
+    if (each === view) byId(`to-${each}`).setAttribute("aria-current", "page");
+    else byId(`to-${each}`).removeAttribute("aria-current");
+  }
+  document.title = TITLES[view];
   window.scrollTo(0, 0);
-  if (calibrating) {
+  // Only the map is held: elsewhere things go on.
+  if (view !== "map" && view !== "zones") pause.resume();
+  if (before === "calibration") calibration.close();
+  if (before === "camera") camera.close();
+  if (before === "history") past.close();
+  if (before === "zones") zones.close();
+  if (view === "calibration") {
     calibration.follow(status, live.phase === "open");
     calibration.open();
-  } else {
-    calibration.close();
-    byId("to-calibration").focus({ preventScroll: true });
   }
+  if (view === "camera") camera.open();
+  if (view === "history") past.open();
+  if (view === "zones") zones.open();
+  if (view === "map") byId(`to-${before}`).focus({ preventScroll: true });
+  refreshPanels();
 }
 
 async function pollStatus() {
@@ -214,7 +283,7 @@ async function pollStatus() {
   if (polling || live.phase !== "open" || geometryOf !== which) return;
   polling = true;
   try {
-    const fresh = await getStatus();
+    const fresh = await askStatus();
     if (which === connection) acceptStatus(fresh);
   } catch {
     // A socket can stay "open" for long after the other side is gone; two silences settle it.
@@ -232,6 +301,12 @@ function choice() {
   return /** @type {Choice} */ ({ layer: value("layer"), signs: value("signs"), brightness: value("brightness") });
 }
 
+/** @returns {Parts} */
+function parts() {
+  const shown = [...byId("parts").querySelectorAll("input")].map((input) => [input.id.replace("part-", ""), input.checked]);
+  return /** @type {Parts} */ (Object.fromEntries(shown));
+}
+
 function choose() {
   const chosen = choice();
   map.choose(chosen, scales.of(chosen));
@@ -243,6 +318,17 @@ function drawn(sequence) {
   if (sequence === null) delete document.documentElement.dataset.sequence;
   else document.documentElement.dataset.sequence = String(sequence);
   tooltip.refresh();
+  zones.place();
+  if (sequence === null || undrawn?.sequence !== sequence) return;
+  latencyMs = clock.sinceMs(undrawn.time, Date.now());
+  undrawn = null;
+  if (latencyMs !== null) samples.drawn(latencyMs);
+}
+
+function secondIsOver() {
+  samples.report(live.phase === "open" ? status : null);
+  samples.close(nowS());
+  if (route.view === "map" && !document.hidden) charts.show(samples.kept);
 }
 
 function refreshConnection() {
@@ -255,35 +341,44 @@ function refreshConnection() {
     watch: newest?.state ?? null,
     status,
     statusAgeS: now - statusAtS,
+    paused: pause.held !== null,
   });
   showConnection(verdict);
-  const known = verdict.connection === "live" || verdict.connection === "waiting";
+  isLive = verdict.connection === "live" || verdict.connection === "paused";
+  pause.follow(newest, newestAtS, now);
+  const known = ["live", "paused", "waiting"].includes(verdict.connection);
   const watch = newest?.state ?? status?.state ?? null;
   showWatchState(known && status?.calibrated !== false ? watch : null);
   const connected = live.phase === "open" && status !== null;
+  recording.follow(status, connected);
   reset.follow(connected && status?.calibrated !== false, watch);
   calibration.follow(status, connected);
+  zones.follow(connected);
 }
 
 function refreshPanels() {
   refreshConnection();
   const now = nowS();
-  showUpdate(newest, arrivals.rateHz(now), arrivals.missed);
-  uncertainty.follow(live.phase === "open" && geometryOf === connection, now);
-  if (!newest || !map.geometry || geometryOf !== connection) return;
+  showUpdate(newest, arrivals.rateHz(now), arrivals.missed, isLive ? latencyMs : null);
+  camera.follow({ status, update: newest, connected: live.phase === "open", live: isLive, nowS: now });
+  past.follow({ status, zones: map.geometry?.zones ?? [], connected: live.phase === "open", daemonMs: clock.at(Date.now()), nowS: now });
+  uncertainty.follow(live.phase === "open" && geometryOf === connection, newest, now);
+  const shown = pause.held ?? newest;
+  if (!shown || !map.geometry || geometryOf !== connection) return;
   const chosen = choice();
   const scale = scales.of(chosen);
   setText(byId("scale"), scale > 0 ? amount(scale) : UNKNOWN);
-  showLitFacets(map.geometry, newest, chosen);
-  showTracks(newest.tracks, newest.zones ?? []);
+  showLitFacets(map.geometry, shown, chosen);
+  showTracks(shown.tracks, shown.zones ?? []);
   // While the empty room is learned there is nothing that it differs from.
-  if (live.phase === "open" && newest.state !== "learning") difference.refresh(newest.sequence, now);
+  if (live.phase === "open" && !pause.held && shown.state !== "learning" && route.view === "map") difference.refresh(shown.sequence, now);
 }
 
 byId("layer").addEventListener("change", choose);
 byId("signs").addEventListener("change", choose);
 byId("brightness").addEventListener("change", choose);
 byId("uncertainty").addEventListener("change", refreshPanels);
+byId("parts").addEventListener("change", () => map.setParts(parts()));
 byId("lit").addEventListener("toggle", refreshPanels);
 window.addEventListener("online", () => live.hurry());
 document.addEventListener("visibilitychange", () => {
@@ -291,12 +386,15 @@ document.addEventListener("visibilitychange", () => {
 });
 setInterval(pollStatus, STATUS_PERIOD_MS);
 setInterval(refreshPanels, PANEL_PERIOD_MS);
+setInterval(secondIsOver, SECOND_MS);
 
 // For tests that look at pixels: where a floor point in metres lies, in CSS pixels of the canvas.
 Object.defineProperty(window, "doorcam", {
   value: Object.freeze({ mapPoint: (/** @type {number} */ x, /** @type {number} */ y) => map.pointOf(x, y) }),
 });
 
+remember(["layer", "signs", "brightness", "uncertainty-group", "parts", "history-span"].map((id) => byId(id)));
+map.setParts(parts());
 choose();
 route.start();
 void access.refresh();

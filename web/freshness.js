@@ -4,13 +4,13 @@ import { sourceWords } from "./source-words.js";
 /** @import { Phase } from "./live.js" */
 /** @import { Status, WatchState } from "./types.js" */
 
-/** @typedef {"connecting" | "waiting" | "live" | "stale" | "reconnecting"} Connection */
+/** @typedef {"connecting" | "waiting" | "live" | "paused" | "stale" | "reconnecting"} Connection */
 
 /**
  * @typedef {object} Verdict
  * @property {Connection} connection
  * @property {string} label  for the status bar
- * @property {string | null} notice  over the map; null only while the picture is live
+ * @property {string | null} notice  over the map; null only while the picture is live, or held still and marked as such
  */
 
 /**
@@ -22,6 +22,7 @@ import { sourceWords } from "./source-words.js";
  * @property {WatchState | null} watch  as the picture's own update says
  * @property {Status | null} status
  * @property {number} statusAgeS
+ * @property {boolean} paused  somebody holds the picture still
  */
 
 /**
@@ -37,7 +38,7 @@ export const staleAfterS = (fps) => Math.max(2, fps ? 5 / fps : 0);
  * @returns {Verdict}
  */
 export function judge(evidence) {
-  const { phase, everConnected, retryInS, ageS, watch, status, statusAgeS } = evidence;
+  const { phase, everConnected, retryInS, ageS, watch, status, statusAgeS, paused } = evidence;
   const since = ageS === null ? "" : ` · last update ${duration(ageS)} ago`;
 
   if (phase !== "open") {
@@ -60,6 +61,7 @@ export function judge(evidence) {
   if (watch === "stale" || ageS > staleAfterS(status?.source.fps)) {
     return { connection: "stale", label: "Stale", notice: `Stale${since}` };
   }
+  if (paused) return { connection: "paused", label: "Paused", notice: null };
   return { connection: "live", label: "Live", notice: null };
 }
 

@@ -1,50 +1,66 @@
-// Neither this nor the map's "#live" is the id of an element: the browser would scroll there and take
-// the focus along.
-const CALIBRATE = "#calibrate";
+/** @typedef {"map" | "camera" | "history" | "zones" | "calibration"} View */
 
-/** Which of the page's two views is shown: the map, or the calibration at #calibrate. */
+// None of these is the id of an element: the browser would scroll there and take the focus along.
+/** @type {Record<View, string>} */
+const ADDRESSES = { map: "", camera: "#camera", history: "#history", zones: "#zones", calibration: "#calibrate" };
+
+/** Which of the page's views is shown: what the address says after its #; the map where it says nothing known. */
 export class Route {
   /**
    * @param {object} handlers
-   * @param {(calibrating: boolean) => void} handlers.onShow
-   * @param {() => true | Promise<boolean>} handlers.mayLeave  the calibration; somebody may have to decide
+   * @param {(view: View, before: View) => void} handlers.onShow
+   * @param {(view: View) => true | Promise<boolean>} handlers.mayLeave  somebody may have to decide
    */
   constructor({ onShow, mayLeave }) {
     this.onShow = onShow;
     this.mayLeave = mayLeave;
-    this.calibrating = false;
+    /** @type {View} */
+    this.view = "map";
     window.addEventListener("hashchange", () => void this.#followed());
   }
 
   /** Show what the address says. */
   start() {
-    if (location.hash === CALIBRATE) this.#show(true);
+    const view = addressed();
+    if (view !== "map") this.#show(view);
   }
 
   /**
    * Go to a view without asking anybody.
-   * @param {boolean} calibrating
+   * @param {View} view
    */
-  go(calibrating) {
-    if (calibrating === this.calibrating) return;
-    history.pushState(null, "", calibrating ? CALIBRATE : location.pathname + location.search);
-    this.#show(calibrating);
+  go(view) {
+    if (view === this.view) return;
+    this.#address(view);
+    this.#show(view);
   }
 
   /** The reader has used a link, the back button or the address bar. */
   async #followed() {
-    const wanted = location.hash === CALIBRATE;
-    if (wanted === this.calibrating) return;
-    const may = wanted || this.mayLeave();
+    const wanted = addressed();
+    if (wanted === this.view) return;
+    const may = this.mayLeave(this.view);
     if (may === true) return this.#show(wanted);
     // The address has changed before anybody could be asked: it is put back for as long.
-    history.pushState(null, "", CALIBRATE);
-    if (await may) this.go(false);
+    this.#address(this.view);
+    if (await may) this.go(wanted);
   }
 
-  /** @param {boolean} calibrating */
-  #show(calibrating) {
-    this.calibrating = calibrating;
-    this.onShow(calibrating);
+  /** @param {View} view */
+  #address(view) {
+    history.pushState(null, "", ADDRESSES[view] || location.pathname + location.search);
   }
+
+  /** @param {View} view */
+  #show(view) {
+    const before = this.view;
+    this.view = view;
+    this.onShow(view, before);
+  }
+}
+
+/** @returns {View} */
+function addressed() {
+  const views = /** @type {View[]} */ (Object.keys(ADDRESSES));
+  return views.find((view) => ADDRESSES[view] && ADDRESSES[view] === location.hash) ?? "map";
 }

@@ -17,9 +17,11 @@
  * @property {boolean[]} foreground
  * @property {number} calibration  revision it was made from; an update with another has its places elsewhere
  * @property {Zone[]} [zones]
+ * @property {number} [zones_revision]  goes up with every change of the zones
  */
 
 /** @typedef {{ name: string, polygon_m: Point[] }} Zone */
+/** @typedef {{ origin: "config" | "saved" | "run", zones: (Zone & { people: number, tracks: number[] })[] }} ZonesDocument */
 /** @typedef {{ name: string, people: number, tracks: number[] }} Occupancy  who is in a zone */
 
 /**
@@ -93,6 +95,7 @@
  * @typedef {object} Status
  * @property {string} version
  * @property {WatchState} state
+ * @property {string} time  the daemon's clock
  * @property {number} uptime_s
  * @property {string | null} model  null before there is a calibration
  * @property {string | null} preset
@@ -103,6 +106,9 @@
  * @property {{ captured: number, solved: number }} rate_hz
  * @property {{ sequence: number, age_s: number } | null} last_update
  * @property {number} clients
+ * @property {number} zones_revision  goes up with every change of the zones
+ * @property {unknown} [history]  where events are kept beyond the run, and can be asked for by time
+ * @property {RecordingStatus | null} recording  under way, or the last one
  * @property {boolean} calibrated  false: a camera of which nobody has said yet where the door is
  * @property {number} calibration_revision  goes up with every saved calibration
  * @property {{ frames: number, age_s: number | null, progress: number | null } | null} background  progress: while it is learned
@@ -117,6 +123,45 @@
  * @property {number} threshold_m  above it, nobody is observable
  * @property {number} calibration  revision it was made for
  */
+
+/**
+ * @typedef {object} RoomEvent
+ * @property {number} sequence
+ * @property {"enter" | "exit" | "dwell" | "zone_enter" | "zone_exit"} kind
+ * @property {string} time
+ * @property {number} track
+ * @property {number} x_m
+ * @property {number} y_m
+ * @property {string | null} zone
+ */
+/** @typedef {{ events: RoomEvent[], oldest: number | null, newest: number | null, next?: number | null }} EventPage */
+/** @typedef {{ id: number, zone: string | null, people: number, from: string, to: string }} OccupancySpan  in which the number of people stayed the same */
+/** @typedef {{ spans: OccupancySpan[], next: number | null }} OccupancyPage */
+
+/**
+ * @typedef {object} RecordingStatus
+ * @property {string} directory
+ * @property {"recording" | "finishing" | "complete" | "failed"} state
+ * @property {number} frames
+ * @property {number} seconds
+ * @property {number} bytes
+ * @property {number} skipped
+ * @property {number} lost
+ * @property {number} overflowed
+ * @property {"stopped" | "seconds" | "frames" | "bytes" | null} ended
+ * @property {string | null} error
+ */
+/** @typedef {{ name?: string, seconds?: number, empty_seconds?: number }} RecordingWish */
+/** @typedef {{ possible: boolean, reason: string | null, recording: RecordingStatus | null }} RecordingReport */
+
+/**
+ * How far the change on a patch stands out of the camera's noise.
+ * @typedef {object} PatchSignal
+ * @property {number | null} snr_db  per pixel; null if there is nothing but noise
+ * @property {number} change  as a share of the floor's light
+ * @property {number} noise  of one pixel, the same
+ */
+/** @typedef {{ sequence: number | null, left: PatchSignal | null, right: PatchSignal | null }} SignalReport  null where the noise is not known */
 
 /** @typedef {[number, number]} Pixel  u, v; (0, 0) is the centre of the top left pixel */
 
@@ -172,6 +217,7 @@
  * @property {boolean} previous  whether the one before is kept
  */
 
+/** @typedef {Record<"grid" | "light" | "people" | "ellipses" | "headings" | "trails" | "zones", boolean>} Parts  of the map that are shown */
 /** @typedef {{ layer: Layer, signs: Signs, brightness: Brightness }} Choice  what the selectors above the map say */
 
 /**

@@ -5,8 +5,11 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use doorcam::config::Config;
 use doorcam::measurement::Calibration;
-use doorcam::pipeline::{CalibrationStore, Calibrator, Engine, Hub, Keeping, Setup, SourceInfo, start};
+use doorcam::pipeline::{
+    CalibrationStore, Calibrator, Engine, Hub, Keeping, Recordings, Setup, SourceInfo, ZoneKeeper, ZoneOrigin, start,
+};
 use doorcam::server::{Access, Backend, Server, Tls};
+use doorcam::source::recording::Manifest;
 use doorcam::source::{Replay, ReplayOptions, Source, SystemClock};
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use tokio::signal::unix::{SignalKind, signal};
@@ -47,6 +50,8 @@ struct Watch {
     setup: Setup,
     calibration: Option<Calibration>,
     keeping: Keeping,
+    /// What a source that is no camera says of itself.
+    manifest: Option<Manifest>,
     info: SourceInfo,
 }
 
@@ -103,6 +108,7 @@ fn simulation(config: &Config, simulated: &Simulated, spec: &str, file: Option<&
         setup: Setup::new(config.clone()),
         calibration,
         keeping: Keeping::Fixed("a simulated camera brings its own calibration".into()),
+        manifest: Some(manifest),
         info,
     })
 }
@@ -144,9 +150,10 @@ fn replay(
         notes: recording.manifest.notes.clone(),
         fps: recording.manifest.fps,
     };
+    let manifest = Some(recording.manifest.clone());
     let source = Box::new(Replay::new(recording, options, SystemClock::default()));
     let setup = Setup::new(config.clone());
-    Ok(Watch { source, engine: Some(engine), setup, calibration: kept.or(own), keeping, info })
+    Ok(Watch { source, engine: Some(engine), setup, calibration: kept.or(own), keeping, manifest, info })
 }
 
 #[cfg(feature = "v4l2")]
@@ -179,7 +186,7 @@ fn camera(config: &Config, name: &str, spec: &str, file: Option<&Path>) -> anyho
     let camera = V4l2Camera::new(name, options, locked);
     let source = Box::new(Supervisor::new(camera, SystemClock::default(), u64::from(std::process::id())));
     let info = SourceInfo { spec: spec.into(), kind: "v4l2", notes: String::new(), fps: config.camera.fps };
-    Ok(Watch { source, engine, setup, calibration, keeping: Keeping::File(store), info })
+    Ok(Watch { source, engine, setup, calibration, keeping: Keeping::File(store), manifest: None, info })
 }
 
 #[cfg(not(feature = "v4l2"))]
@@ -206,12 +213,26 @@ pub(super) fn access(config: &Config) -> anyhow::Result<(Access, Option<Tls>)> {
 
 /// Shows what is watched to whoever connects, until interrupted.
 fn serve(config: &Config, watch: Watch, (access, tls): (Access, Option<Tls>)) -> anyhow::Result<()> {
-    let Watch { source, engine, setup, calibration, keeping, info } = watch;
+    let Watch { source, mut engine, setup, calibration, keeping, manifest, info } = watch;
     let spec = info.spec.clone();
     // Before the hub: what counts without a recorder counts for nobody.
     let metrics = recorder();
-    let hub = Hub::new(engine.as_ref().map(Engine::watched), config.preset, info).configured(config);
+    let directory = config.storage.directory();
+    // What is drawn over a replayed or simulated room says nothing of the camera that usually keeps things here.
+    let own_place = manifest.is_none() || !config.storage.directory.as_os_str().is_empty();
+    let zones_file = directory.as_ref().filter(|_| own_place).map(|directory| directory.join("zones.json"));
+    let saved = zones_file.as_deref().map(ZoneKeeper::load).transpose()?.flatten();
+    let origin = if saved.is_some() { ZoneOrigin::Saved } else { ZoneOrigin::Config };
+    let mut used = config.clone();
+    if let (Some(zones), Some(file)) = (saved, &zones_file) {
+        tracing::info!("{}: its zones are used, not those of the configuration", file.display());
+        engine.iter_mut().for_each(|engine| engine.use_zones(zones.clone()));
+        used.zones = zones;
+    }
+    let hub = Hub::new(engine.as_ref().map(Engine::watched), config.preset, info).configured(&used);
     let hub = Arc::new(hub);
+    let recordings = directory.map(|directory| directory.join("recordings"));
+    let recordings = Arc::new(Recordings::new(recordings, manifest, Arc::clone(&hub)));
     let runtime = tokio::runtime::Runtime::new().context("cannot start the server's threads")?;
     runtime.block_on(async {
         let server = Server::bind(&config.server, access, tls).await?;
@@ -230,14 +251,27 @@ fn serve(config: &Config, watch: Watch, (access, tls): (Access, Option<Tls>)) ->
             });
         }
         let calibrator = Calibrator::new(setup, keeping, calibration, Arc::clone(&hub), running.control().clone());
+        let zones =
+            ZoneKeeper::new(config.zones.clone(), zones_file, origin, Arc::clone(&hub), running.control().clone());
         tracing::info!("watching {spec}: the page is at {}", server.url());
         server
-            .serve(Backend { hub, control: running.control().clone(), calibrator, metrics }, async move {
-                tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }
-                tracing::info!("stopping");
-            })
+            .serve(
+                Backend {
+                    hub,
+                    control: running.control().clone(),
+                    calibrator,
+                    recordings: Arc::clone(&recordings),
+                    zones,
+                    metrics,
+                },
+                async move {
+                    tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }
+                    tracing::info!("stopping");
+                },
+            )
             .await;
         running.end();
+        recordings.finish();
         anyhow::Ok(())
     })
 }

@@ -13,7 +13,7 @@ use crate::source::recording::{Lens, Transfer};
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StorageConfig {
-    /// Directory of the calibration and the learned background; empty for the usual place.
+    /// Directory of the calibration, the learned background, drawn zones and recordings; empty for the usual place.
     pub directory: PathBuf,
 }
 

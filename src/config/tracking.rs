@@ -79,7 +79,8 @@ impl TrackerConfig {
     }
 }
 
-pub(super) fn check_zones(zones: &[Zone]) -> Result<(), ConfigError> {
+/// Checks that zones have names of their own and corners that make an area.
+pub fn check_zones(zones: &[Zone]) -> Result<(), ConfigError> {
     if zones.len() > MOST_ZONES {
         return Err(ConfigError(format!("zones: there are {}, expected at most {MOST_ZONES}", zones.len())));
     }

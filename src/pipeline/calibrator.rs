@@ -98,6 +98,11 @@ impl Calibrator {
         }
     }
 
+    /// The calibration in use, with the lens and the transfer function of the configuration where it does not tell.
+    pub fn calibration(&self) -> Option<Calibration> {
+        self.state().calibration.as_ref().map(|calibration| self.setup.complete(calibration))
+    }
+
     /// What a calibration would be worth.
     pub fn check(&self, calibration: &Calibration) -> Check {
         let mut check = self.setup.check(calibration);

@@ -12,7 +12,7 @@ use crate::measurement::{Averager, Averaging, PatchPair};
 use crate::scene::Brightness;
 use crate::solver::Audit;
 use crate::source::{Purpose, RawFrame, SkippedFrame};
-use crate::tracking::Detection;
+use crate::tracking::{Detection, Zone};
 
 /// The whole way of a frame, from encoded images to an update: the same online and offline.
 pub struct Engine {
@@ -79,6 +79,13 @@ impl Engine {
         self.sequence = other.sequence;
         if let (Some(people), Some(others)) = (&mut self.people, other.people.take()) {
             people.continue_from(others);
+        }
+    }
+
+    /// Counts people in other zones from now on.
+    pub fn use_zones(&mut self, zones: Vec<Zone>) {
+        if let Some(people) = &mut self.people {
+            people.use_zones(zones);
         }
     }
 
@@ -185,7 +192,8 @@ impl Engine {
         self.sequence += 1;
         let difference = scene.is_some().then(|| self.reconstructor.difference().clone());
         let sensing = scene.is_some().then(|| self.reconstructor.sensing().cloned()).flatten();
-        Ok(Published { detections, sensing, ..Published::new(update, scene, difference) })
+        let patches = Some(self.pair.clone());
+        Ok(Published { patches, detections, sensing, ..Published::new(update, scene, difference) })
     }
 
     /// Who is where, by a map that is of now; nobody is followed through frames without one.

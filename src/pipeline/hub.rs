@@ -8,10 +8,12 @@ use tokio::sync::watch;
 
 use super::meters::Meters;
 use super::recent::Recent;
+use super::tap::Tap;
 use super::{BackgroundReport, EventPage, Model, State, TrackHistory, Update};
 use crate::config::{Config, Preset, TrackerConfig};
 use crate::measurement::{PatchPair, Sensing};
 use crate::scene::Scene;
+use crate::source::recorder::RecordingStatus;
 use crate::source::{Condition, Granted, RawFrame, RawImages, SourceState};
 use crate::tracking::{Detection, Zone};
 
@@ -26,6 +28,8 @@ pub struct Published {
     pub scene: Option<Scene>,
     /// The difference measurement, for pictures; none while learning.
     pub difference: Option<PatchPair>,
+    /// The floor as this frame shows it, linear light.
+    pub patches: Option<PatchPair>,
     /// Whom this frame shows by itself.
     pub detections: Vec<Detection>,
     /// What the pixels can tell; none while learning, and with the published model.
@@ -39,7 +43,16 @@ impl Published {
     pub fn new(update: Update, scene: Option<Scene>, difference: Option<PatchPair>) -> Self {
         // An update has no map with keys other than strings, the one thing that serialisation refuses.
         let json = serde_json::to_string(&update).unwrap_or_default().into();
-        Self { update, json, scene, difference, detections: Vec::new(), sensing: None, at: Instant::now() }
+        Self {
+            update,
+            json,
+            scene,
+            difference,
+            patches: None,
+            detections: Vec::new(),
+            sensing: None,
+            at: Instant::now(),
+        }
     }
 }
 
@@ -73,8 +86,9 @@ pub struct Hub {
     source: SourceInfo,
     latest: watch::Sender<Option<Arc<Published>>>,
     recent: Mutex<Recent>,
-    zones: Vec<Zone>,
+    zones: Mutex<Zoned>,
     counters: Mutex<Counters>,
+    tap: Tap,
     meters: Meters,
     started: Instant,
     stale_after: Duration,
@@ -91,6 +105,12 @@ pub struct SourceInfo {
     pub notes: String,
     /// Frames a second that it should give.
     pub fps: f64,
+}
+
+#[derive(Default)]
+struct Zoned {
+    zones: Vec<Zone>,
+    revision: u32,
 }
 
 struct Counters {
@@ -125,6 +145,8 @@ pub struct Status {
     pub version: &'static str,
     /// Whether the map can be trusted.
     pub state: State,
+    /// The daemon's clock, for who wants to know how old an update is.
+    pub time: Timestamp,
     /// Seconds since the start.
     pub uptime_s: f64,
     /// The model in use; none before there is a calibration.
@@ -137,6 +159,8 @@ pub struct Status {
     pub calibrated: bool,
     /// Counts calibrations of this run; updates have the number of theirs.
     pub calibration_revision: u32,
+    /// Counts changes of the zones in this run.
+    pub zones_revision: u32,
     /// Where frames come from.
     pub source: SourceStatus,
     /// Counts of frames.
@@ -147,6 +171,8 @@ pub struct Status {
     pub background: Option<BackgroundReport>,
     /// The newest update; none before the first.
     pub last_update: Option<LastUpdate>,
+    /// The recording under way, or the last one; none before the first.
+    pub recording: Option<RecordingStatus>,
     /// Clients of the live socket.
     pub clients: usize,
 }
@@ -234,8 +260,9 @@ impl Hub {
             source,
             latest: watch::Sender::new(None),
             recent: Mutex::new(Recent::new(TrackerConfig::default().history_s)),
-            zones: Vec::new(),
+            zones: Mutex::default(),
             counters: Mutex::new(counters),
+            tap: Tap::default(),
             meters: Meters::new(),
             started: Instant::now(),
             stale_after,
@@ -245,13 +272,24 @@ impl Hub {
     /// Knows the zones and keeps as much of people's paths as is configured.
     pub fn configured(mut self, config: &Config) -> Self {
         self.recent = Mutex::new(Recent::new(config.tracker.history_s));
-        self.zones.clone_from(&config.zones);
+        lock(&self.zones).zones.clone_from(&config.zones);
         self
     }
 
-    /// The configured zones.
-    pub fn zones(&self) -> &[Zone] {
-        &self.zones
+    /// The zones in use.
+    pub fn zones(&self) -> Vec<Zone> {
+        lock(&self.zones).zones.clone()
+    }
+
+    /// Counts changes of the zones in this run.
+    pub fn zones_revision(&self) -> u32 {
+        lock(&self.zones).revision
+    }
+
+    pub(super) fn use_zones(&self, zones: Vec<Zone>) {
+        let mut zoned = lock(&self.zones);
+        zoned.zones = zones;
+        zoned.revision += 1;
     }
 
     /// What is kept of a track; none if there is no such track, or it ended too long ago.
@@ -278,6 +316,20 @@ impl Hub {
     /// Width and height of the camera's images; none while no camera is open, and for other sources.
     pub fn size(&self) -> Option<[usize; 2]> {
         lock(&self.counters).condition.granted.as_ref().map(|granted| granted.size)
+    }
+
+    /// Frames a second that the camera granted, or that the source should give.
+    pub fn fps(&self) -> f64 {
+        lock(&self.counters).condition.granted.as_ref().map_or(self.source.fps, |granted| granted.fps)
+    }
+
+    /// How the recording is doing, or how the last one ended; none before the first.
+    pub fn recording(&self) -> Option<RecordingStatus> {
+        self.tap.status()
+    }
+
+    pub(super) fn tap(&self) -> &Tap {
+        &self.tap
     }
 
     /// The newest images; none before the first frame.
@@ -311,11 +363,13 @@ impl Hub {
         Status {
             version: env!("CARGO_PKG_VERSION"),
             state,
+            time: Timestamp::now(),
             uptime_s: self.started.elapsed().as_secs_f64(),
             model: watched.as_ref().map(|w| w.model.kind.name()),
             preset: self.preset,
             calibrated: watched.is_some(),
             calibration_revision: watched.map_or(0, |w| w.calibration),
+            zones_revision: self.zones_revision(),
             lambda: last.as_ref().map_or(0.0, |p| p.update.solution.lambda),
             source: SourceStatus {
                 info: self.source.clone(),
@@ -327,6 +381,7 @@ impl Hub {
             rate_hz: Rates { captured: counters.captured.hz(now), solved: counters.solved.hz(now) },
             background: last.as_ref().and_then(|p| p.update.background),
             last_update: last.map(|p| LastUpdate { sequence: p.update.sequence, age_s: p.at.elapsed().as_secs_f64() }),
+            recording: self.recording(),
             clients,
         }
     }
@@ -349,6 +404,7 @@ impl Hub {
     }
 
     pub(super) fn captured(&self, frame: &RawFrame, time: Timestamp) {
+        self.tap.frame(frame);
         let mut counters = lock(&self.counters);
         let number = counters.frames.captured;
         *lock(&self.seen) = Some(Seen { number, images: frame.images.clone(), time, at: Instant::now() });

@@ -1,7 +1,7 @@
 use jiff::Timestamp;
 
 use crate::config::Config;
-use crate::tracking::{Detection, Event, Events, Occupancy, Prediction, Track, Tracker};
+use crate::tracking::{Detection, Event, Events, Occupancy, Prediction, Track, Tracker, Zone};
 
 /// The tracking stage: from a frame's detections to who is where, and what they do.
 pub struct People {
@@ -55,6 +55,11 @@ impl People {
     pub(super) fn continue_from(&mut self, others: Self) {
         self.tracker.continue_from(&others.tracker);
         self.events.continue_from(others.events);
+    }
+
+    /// Counts people in other zones from now on.
+    pub(super) fn use_zones(&mut self, zones: Vec<Zone>) {
+        self.events.use_zones(zones);
     }
 
     fn report(&mut self, time: Timestamp) -> PeopleReport {

@@ -9,6 +9,7 @@ use super::engine::{Engine, StepError};
 use super::hub::Hub;
 use super::{Mailbox, Taken};
 use crate::source::{Condition, Granted, RawFrame, SkippedFrame, Source, SourceEvent, SourceState};
+use crate::tracking::Zone;
 
 /// A captured frame and when it was captured.
 struct Captured {
@@ -22,6 +23,8 @@ pub enum Command {
     Use(Box<Engine>),
     /// Learns the empty room anew, from now on.
     ResetBackground,
+    /// Counts people in these zones from now on.
+    UseZones(Vec<Zone>),
     /// Ends, with what is to be kept put away.
     End,
 }
@@ -141,9 +144,18 @@ fn capture(mut source: Box<dyn Source>, mailbox: &Mailbox<Captured>, hub: &Hub) 
                     hub.dropped(1);
                 }
             }
-            SourceEvent::Skipped(skipped) => skip(hub, &skipped),
-            SourceEvent::Lost(count) => hub.lost(count),
-            SourceEvent::Superseded(count) => hub.dropped(count),
+            SourceEvent::Skipped(skipped) => {
+                hub.tap().missing(1);
+                skip(hub, &skipped);
+            }
+            SourceEvent::Lost(count) => {
+                hub.tap().missing(count);
+                hub.lost(count);
+            }
+            SourceEvent::Superseded(count) => {
+                hub.tap().missing(count);
+                hub.dropped(count);
+            }
             SourceEvent::Condition(condition) => {
                 tell(&condition, hub.source_state());
                 hub.condition(condition);
@@ -197,9 +209,12 @@ fn solve(
                     if let Some(engine) = engine.take() {
                         next.continue_from(engine);
                     }
+                    // It was made with the zones of the start.
+                    next.use_zones(hub.zones());
                     engine = Some(*next);
                     recalibrated = true;
                 }
+                Command::UseZones(zones) => engine.iter_mut().for_each(|engine| engine.use_zones(zones.clone())),
                 Command::End => return Ok(()),
                 Command::ResetBackground => engine.iter_mut().for_each(|engine| {
                     engine.reset_background();

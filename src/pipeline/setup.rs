@@ -49,7 +49,7 @@ impl Setup {
     }
 
     /// With the lens and the transfer function of the configuration, where the calibration does not tell.
-    fn complete(&self, calibration: &Calibration) -> Calibration {
+    pub(super) fn complete(&self, calibration: &Calibration) -> Calibration {
         let mut complete = calibration.clone();
         complete.lens = complete.lens.or(self.config.camera.lens());
         complete.transfer = complete.transfer.or(Some(self.config.camera.transfer.clone()));

@@ -23,7 +23,7 @@ mod tests;
 
 pub use bound::{BoundPanel, BoundPicture, Region, bound_svg};
 pub use curves::{Curve, CurvesPanel, CurvesPicture, curves_svg};
-pub use difference::difference_png;
+pub use difference::{difference_png, patches_png};
 pub use evaluation::{EstimatedPoint, EvaluationPicture, Found, PersonPath, TrackPath, TruePoint, evaluation_svg};
 pub use figure::{ReconstructionPicture, reconstruction_svg};
 pub use raster::png;

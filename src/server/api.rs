@@ -23,6 +23,7 @@ pub(super) struct Geometry {
     patch: PatchReport,
     facets: Vec<[Point; 2]>,
     foreground: Vec<bool>,
+    zones_revision: u32,
     zones: Vec<Zone>,
 }
 
@@ -47,7 +48,8 @@ pub(super) async fn geometry(State(shared): State<Shared>) -> Response {
         patch: PatchReport { fov_m: model.patch.fov_m, pixels: model.patch.size },
         facets: model.grid.facets.iter().map(|f| [f.from, f.to]).collect(),
         foreground: model.grid.foreground.clone(),
-        zones: shared.hub.zones().to_vec(),
+        zones_revision: shared.hub.zones_revision(),
+        zones: shared.hub.zones(),
     };
     Json(geometry).into_response()
 }
@@ -70,6 +72,10 @@ pub(super) async fn reconstruction_png(State(shared): State<Shared>) -> Response
 
 pub(super) async fn difference_png(State(shared): State<Shared>) -> Response {
     picture(shared, |shared| shared.pictures.difference(&shared.hub.latest()?)).await
+}
+
+pub(super) async fn patches_png(State(shared): State<Shared>) -> Response {
+    picture(shared, |shared| shared.pictures.patches(&shared.hub.latest()?)).await
 }
 
 /// Draws on a thread that may take its time.

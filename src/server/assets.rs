@@ -43,7 +43,8 @@ pub(super) fn serve(request: &Request) -> Response {
 fn etag(file: &EmbeddedFile) -> String {
     let hash = file.metadata.sha256_hash();
     let hex: String = hash[..16].iter().map(|byte| format!("{byte:02x}")).collect();
-    format!("\"{hex}\"")
+    // Weak: the same file, compressed or not.
+    format!("W/\"{hex}\"")
 }
 
 fn content_type(name: &str) -> &'static str {

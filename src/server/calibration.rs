@@ -17,7 +17,7 @@ pub(super) async fn get(State(shared): State<Shared>) -> Response {
 
 /// POST /api/v1/calibration/check: nothing is changed.
 pub(super) async fn check(State(shared): State<Shared>, body: Bytes) -> Response {
-    let calibration = match read(&body) {
+    let calibration: Calibration = match Problem::read(&body) {
         Ok(calibration) => calibration,
         Err(problem) => return problem.into_response(),
     };
@@ -26,7 +26,7 @@ pub(super) async fn check(State(shared): State<Shared>, body: Bytes) -> Response
 
 /// PUT /api/v1/calibration
 pub(super) async fn put(State(shared): State<Shared>, body: Bytes) -> Response {
-    let calibration = match read(&body) {
+    let calibration: Calibration = match Problem::read(&body) {
         Ok(calibration) => calibration,
         Err(problem) => return problem.into_response(),
     };
@@ -36,12 +36,6 @@ pub(super) async fn put(State(shared): State<Shared>, body: Bytes) -> Response {
 /// POST /api/v1/calibration/previous
 pub(super) async fn previous(State(shared): State<Shared>) -> Response {
     blocking(shared, |calibrator| changed(calibrator, calibrator.restore())).await
-}
-
-fn read(body: &[u8]) -> Result<Calibration, Problem> {
-    let mut json = serde_json::Deserializer::from_slice(body);
-    serde_path_to_error::deserialize(&mut json)
-        .map_err(|e| Problem::bad_request(&format!("{}: {}", e.path(), e.inner())))
 }
 
 fn changed(calibrator: &Calibrator, result: Result<(), CalibrationRefused>) -> Response {

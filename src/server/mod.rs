@@ -10,8 +10,11 @@ mod live;
 mod people;
 mod pictures;
 mod problem;
+mod recording;
 mod secret_file;
+mod signal;
 mod uncertainty;
+mod zones;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -26,13 +29,14 @@ use metrics_exporter_prometheus::PrometheusHandle;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::time::timeout;
+use tower_http::compression::CompressionLayer;
 
 pub use self::access::{Access, AccessError};
 pub use self::connections::{Tls, TlsError};
 use self::pictures::Pictures;
 use self::problem::Problem;
 use crate::config::ServerConfig;
-use crate::pipeline::{Calibrator, Control, Hub};
+use crate::pipeline::{Calibrator, Control, Hub, Recordings, ZoneKeeper};
 
 /// Why the server is not there.
 #[derive(Debug, thiserror::Error)]
@@ -55,6 +59,10 @@ pub struct Backend {
     pub control: Control,
     /// The calibration.
     pub calibrator: Calibrator,
+    /// Recordings of what the source gives.
+    pub recordings: Arc<Recordings>,
+    /// The zones.
+    pub zones: ZoneKeeper,
     /// The recorder of `/metrics`; none for none.
     pub metrics: Option<PrometheusHandle>,
 }
@@ -65,6 +73,8 @@ struct Shared {
     hub: Arc<Hub>,
     control: Control,
     calibrator: Arc<Calibrator>,
+    recordings: Arc<Recordings>,
+    zones: Arc<ZoneKeeper>,
     metrics: Option<PrometheusHandle>,
     pictures: Arc<Pictures>,
     encoded: Arc<frame::Encoded>,
@@ -112,12 +122,14 @@ impl Server {
 
     /// Serves until `end` completes, then tells clients and gives them a moment to leave.
     pub async fn serve(self, backend: Backend, end: impl Future<Output = ()>) {
-        let Backend { hub, control, calibrator, metrics } = backend;
+        let Backend { hub, control, calibrator, recordings, zones, metrics } = backend;
         let (tell, ending) = watch::channel(false);
         let shared = Shared {
             hub,
             control,
             calibrator: Arc::new(calibrator),
+            recordings,
+            zones: Arc::new(zones),
             metrics,
             pictures: Arc::default(),
             encoded: Arc::default(),
@@ -142,10 +154,13 @@ fn routes(shared: Shared, access: Arc<Access>) -> Router {
         .route("/reconstruction", get(api::reconstruction))
         .route("/reconstruction.png", get(api::reconstruction_png))
         .route("/difference.png", get(api::difference_png))
+        .route("/patches.png", get(api::patches_png))
+        .route("/signal", get(signal::signal))
         .route("/tracks", get(people::tracks))
         .route("/tracks/{id}", get(people::track))
         .route("/events", get(people::events))
-        .route("/zones", get(people::zones))
+        .route("/zones", get(people::zones).put(zones::put).delete(zones::delete))
+        .route("/recording", get(recording::get).post(recording::post).delete(recording::delete))
         .route("/uncertainty", get(uncertainty::uncertainty))
         .route("/calibration", get(calibration::get).put(calibration::put))
         .route("/calibration/check", post(calibration::check))
@@ -163,6 +178,8 @@ fn routes(shared: Shared, access: Arc<Access>) -> Router {
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
             Problem::method_not_allowed(&format!("{method} is not possible on {}", uri.path()))
         })
+        // The page and JSON; pictures are compressed already, and left alone.
+        .layer(CompressionLayer::new())
         .with_state(shared);
     access::layers(all, access)
 }

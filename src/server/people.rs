@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::Shared;
 use super::problem::Problem;
 use crate::geometry::Point;
-use crate::pipeline::{self, Hub};
+use crate::pipeline::{self, Hub, ZoneOrigin};
 use crate::tracking::{Track, Zone};
 
 /// Events that one request gets unless it says otherwise, and at most.
@@ -38,6 +38,8 @@ struct Zones {
     sequence: Option<u64>,
     time: Option<Timestamp>,
     state: pipeline::State,
+    /// Where they come from.
+    origin: ZoneOrigin,
     zones: Vec<Occupied>,
 }
 
@@ -83,7 +85,7 @@ pub(super) async fn events(State(shared): State<Shared>, wanted: Result<Query<Wa
 }
 
 pub(super) async fn zones(State(shared): State<Shared>) -> Response {
-    Json(occupied(&shared.hub)).into_response()
+    Json(occupied(&shared.hub, shared.zones.origin())).into_response()
 }
 
 fn current(hub: &Hub) -> Tracks {
@@ -102,7 +104,7 @@ fn current(hub: &Hub) -> Tracks {
     }
 }
 
-fn occupied(hub: &Hub) -> Zones {
+fn occupied(hub: &Hub, origin: ZoneOrigin) -> Zones {
     let latest = hub.latest();
     let update = latest.as_ref().map(|latest| &latest.update);
     let occupied = |Zone { name, polygon_m }: &Zone| {
@@ -118,6 +120,7 @@ fn occupied(hub: &Hub) -> Zones {
         sequence: update.map(|update| update.sequence),
         time: update.map(|update| update.time),
         state: hub.state(),
+        origin,
         zones: hub.zones().iter().map(occupied).collect(),
     }
 }
@@ -148,8 +151,8 @@ mod tests {
         let zone =
             json!({"name": "bed", "polygon_m": [[-1.0, 1.0], [1.0, 1.0], [1.0, 2.0]], "people": 0, "tracks": []});
         assert_eq!(
-            text(occupied(&hub())),
-            json!({"sequence": null, "time": null, "state": "learning", "zones": [zone]})
+            text(occupied(&hub(), ZoneOrigin::Config)),
+            json!({"sequence": null, "time": null, "state": "learning", "origin": "config", "zones": [zone]})
         );
     }
 
@@ -176,7 +179,7 @@ mod tests {
         assert_eq!((&tracks["sequence"], &tracks["state"]), (&json!(7), &json!("watching")));
         assert_eq!((&tracks["tracks"][0]["id"], &tracks["tracks"][0]["zones"]), (&json!(3), &json!(["bed"])));
         assert_eq!(tracks["tracks"][1]["zones"], json!([]));
-        let zones = text(occupied(&hub));
+        let zones = text(occupied(&hub, ZoneOrigin::Saved));
         assert_eq!((&zones["zones"][0]["people"], &zones["zones"][0]["tracks"]), (&json!(1), &json!([3])));
         let history = text(hub.track(3));
         assert_eq!((&history["ended"], &history["path"][0]["x_m"]), (&json!(false), &json!(0.5)));

@@ -10,6 +10,7 @@ use crate::render;
 pub(super) struct Pictures {
     reconstruction: Drawn,
     difference: Drawn,
+    patches: Drawn,
 }
 
 /// The last picture drawn and the update that it is of. The lock is held while drawing, so that many who ask at once wait
@@ -41,6 +42,12 @@ impl Pictures {
     pub(super) fn difference(&self, of: &Arc<Published>) -> Option<Result<Bytes, render::RenderError>> {
         let difference = of.difference.as_ref()?;
         Some(drawn(&self.difference, of, || render::difference_png(difference, PATCH_PIXEL)))
+    }
+
+    /// The patches of an update as the camera sees them.
+    pub(super) fn patches(&self, of: &Arc<Published>) -> Option<Result<Bytes, render::RenderError>> {
+        let patches = of.patches.as_ref()?;
+        Some(drawn(&self.patches, of, || render::patches_png(patches, PATCH_PIXEL)))
     }
 }
 

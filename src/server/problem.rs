@@ -1,6 +1,7 @@
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 /// An error as RFC 9457 has it (application/problem+json).
 #[derive(Debug, Serialize)]
@@ -13,6 +14,13 @@ pub(super) struct Problem {
 impl Problem {
     pub(super) fn new(status: StatusCode, detail: &str) -> Self {
         Self { title: status.canonical_reason().unwrap_or("Error"), status: status.as_u16(), detail: detail.into() }
+    }
+
+    /// A request's JSON body, or what is wrong with it: the key and what was expected.
+    pub(super) fn read<T: DeserializeOwned>(body: &[u8]) -> Result<T, Self> {
+        let mut json = serde_json::Deserializer::from_slice(body);
+        serde_path_to_error::deserialize(&mut json)
+            .map_err(|e| Self::bad_request(&format!("{}: {}", e.path(), e.inner())))
     }
 
     pub(super) fn not_found(detail: &str) -> Self {

@@ -67,6 +67,8 @@ pub struct Events {
     zones: Vec<Zone>,
     names: Vec<String>,
     present: Vec<Present>,
+    /// What is to be told with the next update.
+    pending: Vec<Event>,
     next: u64,
 }
 
@@ -96,20 +98,40 @@ impl Events {
     /// Nobody was seen yet.
     pub fn new(dwelling: Dwelling, zones: Vec<Zone>) -> Self {
         let names = zones.iter().map(|zone| zone.name.clone()).collect();
-        Self { dwelling, zones, names, present: Vec::new(), next: 0 }
+        Self { dwelling, zones, names, present: Vec::new(), pending: Vec::new(), next: 0 }
     }
 
     /// Takes the place of `others`: goes on counting, and whoever they saw leaves with the next update.
     pub fn continue_from(&mut self, others: Self) {
         self.next = others.next;
+        self.pending = others.pending;
         self.present = others.present;
         // Zones are named in the configuration, which stays; should they be others, nobody is in them.
         self.present.iter_mut().for_each(|present| present.inside.resize(self.zones.len(), false));
     }
 
+    /// Counts people in other zones from now on. Whoever is in one that stays, by its name, is still in it if its new border says
+    /// so; whoever is in one that goes, leaves it.
+    pub fn use_zones(&mut self, zones: Vec<Zone>) {
+        let names: Vec<String> = zones.iter().map(|zone| zone.name.clone()).collect();
+        for person in &mut self.present {
+            let inside = |name: &String| self.names.iter().position(|n| n == name).is_some_and(|k| person.inside[k]);
+            let now = names.iter().map(inside).collect();
+            for (name, _) in
+                self.names.iter().zip(&person.inside).filter(|(name, inside)| **inside && !names.contains(name))
+            {
+                let gone = Some(name.clone());
+                push(&mut self.pending, &mut self.next, EventKind::ZoneExit, person.id, person.last, gone);
+            }
+            person.inside = now;
+        }
+        (self.zones, self.names) = (zones, names);
+    }
+
     /// Takes in the tracks of an update and, for each, the seconds since its last detection; adds what happened to `events`.
     /// Whoever is no longer among them has left.
     pub fn observe(&mut self, time: Timestamp, tracks: &[Track], unseen_s: &[f64], events: &mut Vec<Event>) {
+        events.append(&mut self.pending);
         self.present.iter_mut().for_each(|present| present.there = false);
         for (track, &unseen_s) in tracks.iter().zip(unseen_s) {
             self.follow(time, track, unseen_s, events);
@@ -149,7 +171,7 @@ impl Events {
             });
             self.present.len() - 1
         });
-        let Self { present, zones, names, next, dwelling } = self;
+        let Self { present, zones, names, next, dwelling, .. } = self;
         let person = &mut present[index];
         person.there = true;
         let seen = unseen_s <= 0.0;
@@ -217,6 +239,32 @@ mod tests {
 
     fn events() -> Events {
         Events::new(Dwelling { seconds: 5.0, radius_m: 0.4 }, vec![bed()])
+    }
+
+    #[test]
+    fn other_zones_keep_who_is_in_them_and_let_go_who_was_in_one_that_is_gone() {
+        let desk = || Zone { name: "desk".into(), polygon_m: bed().polygon_m };
+        let mut log = Events::new(Dwelling { seconds: 5.0, radius_m: 0.4 }, vec![bed(), desk()]);
+        let mut happened = Vec::new();
+        let mut observe = |log: &mut Events, t: f64| {
+            log.observe(at(t), &[track(1, TrackState::Confirmed, [1.0, 1.5], t)], &[0.0], &mut happened);
+            happened.drain(..).map(|e| (e.kind, e.zone, e.sequence)).collect::<Vec<_>>()
+        };
+        assert_eq!(observe(&mut log, 0.0).len(), 3, "enter, and both zones");
+        // The desk goes; the bed is now where they are not; a sofa comes.
+        let far = vec![[-1.5, 1.0], [-0.5, 1.0], [-0.5, 2.0]];
+        let sofa = Zone { name: "sofa".into(), polygon_m: desk().polygon_m };
+        log.use_zones(vec![sofa, Zone { name: "bed".into(), polygon_m: far }]);
+        let named = |name: &str| Some(name.to_owned());
+        let expected = vec![
+            (EventKind::ZoneExit, named("desk"), 3),
+            (EventKind::ZoneEnter, named("sofa"), 4),
+            (EventKind::ZoneExit, named("bed"), 5),
+        ];
+        assert_eq!(observe(&mut log, 0.1), expected);
+        let occupied: Vec<_> = log.occupancy().map(|zone| (zone.name, zone.people)).collect();
+        assert_eq!(occupied, [("sofa".into(), 1), ("bed".into(), 0)]);
+        assert_eq!(observe(&mut log, 0.2), [], "told once");
     }
 
     /// What one track that is at `place(t)` from `confirmed` on makes happen, in tenths of a second to `until`, unseen in the last one.

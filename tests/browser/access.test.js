@@ -15,7 +15,11 @@ describe("everyone", () => {
     mock.send(update(1, []));
     await reaches(page, "live");
     await page.keyboard.press("Tab");
-    assert.equal(await page.evaluate(() => document.activeElement?.textContent), "Calibrate");
+    assert.equal(await page.evaluate(() => document.activeElement?.textContent), "Map");
+    for (const name of ["Camera", "History", "Zones", "Calibrate"]) {
+      await page.keyboard.press("Tab");
+      assert.equal(await page.evaluate(() => document.activeElement?.textContent), name);
+    }
     await page.keyboard.press("Tab");
     assert.equal(await page.evaluate(() => /** @type {HTMLInputElement} */ (document.activeElement).value), "unified");
     await page.keyboard.press("ArrowRight");
@@ -30,8 +34,13 @@ describe("everyone", () => {
     await page.keyboard.press("Space");
     assert.equal(await page.getByLabel("Uncertainty").isChecked(), true);
     await page.keyboard.press("Tab");
-    await page.keyboard.press("Enter");
-    await page.locator("#lit[open]").waitFor();
+    assert.equal(await page.evaluate(() => document.activeElement?.id), "pause");
+    for (const details of ["#parts", "#lit"]) {
+      await page.keyboard.press("Tab");
+      await page.keyboard.press("Enter");
+      await page.locator(`${details}[open]`).waitFor();
+      await page.keyboard.press("Enter");
+    }
   });
 
   for (const width of [360, PHONE.width, 768, 1024, 1920]) {

@@ -4,7 +4,7 @@
 //   DOORCAM_RECORDING  the recording to replay
 
 import assert from "node:assert/strict";
-import { mkdir, mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
+import { mkdir, mkdtemp, readFile, readdir, rm, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, describe, test } from "node:test";
@@ -98,6 +98,129 @@ describe("the real program", () => {
       assert.deepEqual(complaints, []);
     });
   }
+});
+
+describe("the real program, steered from the page", () => {
+  /** @type {Browser} */
+  let browser;
+  before(async () => {
+    if (!skip) browser = await launch();
+  });
+  after(() => browser?.close());
+
+  /**
+   * A simulated doorway that keeps things in a directory of its own.
+   * @param {import("node:test").TestContext} t
+   * @param {string} view
+   */
+  async function steered(t, view) {
+    const storage = await mkdtemp(join(tmpdir(), "doorcam-"));
+    t.after(() => rm(storage, { recursive: true }));
+    const { child, url } = await serve(String(program), String(recording), "--storage", storage);
+    t.after(() => child.kill());
+    const opened = await open(browser, url + view);
+    t.after(opened.close);
+    opened.page.setDefaultTimeout(FIRST_PICTURE_MS);
+    return { storage, child, url, ...opened };
+  }
+
+  test("shows what its camera sees, and how strong the signal is", { skip }, async (t) => {
+    const { page, complaints } = await steered(t, "#camera");
+    await page.locator("#camera-outlines .area").nth(1).waitFor({ state: "attached" });
+    await page.locator("#camera-notice").waitFor({ state: "hidden" });
+    await page.locator("#patches-image").waitFor();
+    await page.locator("#change-image").waitFor();
+    // Somebody walks about in this recording: the change is plain.
+    await page.locator("#signal-left-db", { hasText: /^\+?[−\d]/ }).waitFor();
+    const signal = await page.evaluate(async () => (await fetch("/api/v1/signal")).json());
+    assert.ok(signal.left.noise > 0 && signal.left.noise < 0.2, JSON.stringify(signal));
+    await picture(page, "binary-camera");
+    assert.deepEqual(complaints, []);
+  });
+
+  test("records into a directory that opens", { skip }, async (t) => {
+    const { page, storage, complaints } = await steered(t, "");
+    await reaches(page, "live");
+    await page.locator("#recording-seconds").fill("60");
+    await page.locator("#recording-empty").fill("0.5");
+    await page.locator("#recording-name").fill("evening");
+    await page.getByRole("button", { name: "Record", exact: true }).click();
+    await page.locator("#recording-words", { hasText: /^([5-9]|\d\d+) frames in .* so far/ }).waitFor();
+    await page.getByRole("button", { name: "Stop recording" }).click();
+    await page.locator("#recording-words", { hasText: /^The last one: \d+ frames in .*evening \(stopped\)$/ }).waitFor();
+    const directory = join(storage, "recordings/evening");
+    const manifest = JSON.parse(await readFile(join(directory, "recording.json"), "utf8"));
+    assert.ok(manifest.background_frames[1] > manifest.background_frames[0], JSON.stringify(manifest.background_frames));
+    const lines = (await readFile(join(directory, "timestamps.csv"), "utf8")).trim().split("\n");
+    assert.equal((await readdir(join(directory, "frames"))).length, lines.length - 1);
+    // Twice the same name is refused, in the daemon's words.
+    await page.getByRole("button", { name: "Record", exact: true }).click();
+    await page.locator("#recording-outcome.failed", { hasText: "there is a recording already" }).waitFor();
+    assert.deepEqual(complaints.filter((line) => !line.includes("409")), []);
+  });
+
+  test("keeps zones that are drawn, and counts people in them", { skip }, async (t) => {
+    const { page, storage, complaints } = await steered(t, "#zones");
+    await reaches(page, "live");
+    await page.getByText("These are the zones of the configuration file.").waitFor();
+    await page.getByRole("button", { name: "Draw a zone" }).click();
+    const box = await page.locator("#map").boundingBox();
+    for (const place of [[-1.5, 0.2], [1.5, 0.2], [1.5, 3], [-1.5, 3], [-1.5, 0.2]]) {
+      const [x, y] = await page.evaluate(([x, y]) => /** @type {any} */ (window).doorcam.mapPoint(x, y), place);
+      await page.mouse.click((box?.x ?? 0) + x, (box?.y ?? 0) + y);
+    }
+    await page.keyboard.type("everywhere");
+    await page.getByRole("button", { name: "Save", exact: true }).click();
+    await page.locator("#zones-outcome", { hasText: "Saved" }).waitFor();
+    const kept = JSON.parse(await readFile(join(storage, "zones.json"), "utf8"));
+    assert.deepEqual(kept.zones.map((/** @type {{ name: string }} */ zone) => zone.name), ["everywhere"]);
+    await page.getByRole("link", { name: "Map", exact: true }).click();
+    await page.getByText(/In zones: everywhere [1-9]/).waitFor();
+    // What they did is history.
+    await page.getByRole("link", { name: "History", exact: true }).click();
+    await page.locator("#history-rows tr", { hasText: "enters everywhere" }).first().waitFor();
+    await page.locator("#history-who", { hasText: /Room: [1-9]/ }).waitFor();
+    await picture(page, "binary-history");
+    assert.deepEqual(complaints, []);
+  });
+
+  test("is found again after a restart, and never looked live meanwhile", { skip }, async (t) => {
+    const { page, child, url } = await steered(t, "");
+    await reaches(page, "live");
+    const ended = new Promise((done) => child.once("exit", done));
+    child.kill();
+    await ended;
+    await reaches(page, "reconnecting");
+    assert.equal(await page.locator("#map-notice").isVisible(), true);
+    const { port } = new URL(url);
+    const again = await serve(String(program), String(recording), "--listen", `127.0.0.1:${port}`);
+    t.after(() => again.child.kill());
+    await reaches(page, "live");
+  });
+
+  test("weighs less than 200 kB in all, and asks nobody else", { skip }, async (t) => {
+    const { child, url } = await serve(String(program), String(recording));
+    t.after(() => child.kill());
+    const { page, close } = await open(browser, "about:blank");
+    t.after(close);
+    page.setDefaultTimeout(FIRST_PICTURE_MS);
+    const session = await page.context().newCDPSession(page);
+    await session.send("Network.enable");
+    let bytes = 0;
+    /** @type {Map<string, string>} */
+    const asked = new Map();
+    session.on("Network.requestWillBeSent", ({ requestId, request }) => asked.set(requestId, request.url));
+    session.on("Network.loadingFinished", ({ requestId, encodedDataLength }) => {
+      // What the daemon says and draws comes on top: that is not the page.
+      if (!asked.get(requestId)?.includes("/api/")) bytes += encodedDataLength;
+    });
+    await page.goto(url);
+    for (const view of ["camera", "history", "zones", "calibrate", "live"]) await page.evaluate((view) => { location.hash = view; }, view);
+    await reaches(page, "live");
+    assert.ok(bytes > 20_000 && bytes < 200_000, `${bytes} bytes`);
+    assert.deepEqual([...asked.values()].filter((one) => !one.startsWith(url)), []);
+    t.diagnostic(`the page weighs ${bytes} bytes`);
+  });
 });
 
 test("the real program is calibrated on the page", { skip }, async (t) => {

@@ -12,7 +12,8 @@ const START_TIMEOUT_MS = 30000;
  * @returns {Promise<{ child: ChildProcess, url: string }>}
  */
 export function serve(program, recording, ...more) {
-  const args = ["serve", "--source", `replay:${recording},loop`, "--listen", "127.0.0.1:0", ...more];
+  const listen = more.includes("--listen") ? [] : ["--listen", "127.0.0.1:0"];
+  const args = ["serve", "--source", `replay:${recording},loop`, ...listen, ...more];
   const child = spawn(program, args, { stdio: ["ignore", "ignore", "pipe"] });
   return new Promise((resolve, reject) => {
     let log = "";

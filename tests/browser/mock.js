@@ -12,7 +12,7 @@ import * as scene from "./scene.js";
 
 /** @import { IncomingMessage, ServerResponse } from "node:http" */
 /** @import { AddressInfo } from "node:net" */
-/** @import { Calibration, CalibrationDocument, Session, Uncertainty, Update } from "../../web/types.js" */
+/** @import { Calibration, CalibrationDocument, EventPage, OccupancySpan, RecordingStatus, RecordingWish, RoomEvent, Session, SignalReport, Uncertainty, Update, Zone, ZonesDocument } from "../../web/types.js" */
 
 const WEB = fileURLToPath(new URL("../../web/", import.meta.url));
 const API = "/api/v1/";
@@ -74,6 +74,11 @@ export class Mock {
     this.latestAt = 0;
     /** @type {Uncertainty | null} */
     this.uncertainty = null;
+    /** @type {Omit<SignalReport, "sequence">} */
+    this.signal = {
+      left: { snr_db: 3.2, change: 0.0118, noise: 0.0082 },
+      right: { snr_db: null, change: 0, noise: 0.0079 },
+    };
     this.calibration = new MockCalibration();
     /** @type {Session} */
     this.session = { scope: "control", token_needed: false, exposed: false, images: true, expires_s: null };
@@ -81,6 +86,18 @@ export class Mock {
     this.frame = cameraPicture();
     /** @type {string | null} When the camera took its last picture, if it has stopped. */
     this.stoppedAt = null;
+    /** How far its clock is ahead of this computer's. */
+    this.clockAheadMs = 0;
+    /** @type {RecordingWish[]} What was to be recorded. */
+    this.recorded = [];
+    /** @type {ZonesDocument["origin"]} */
+    this.zonesFrom = "config";
+    /** @type {Zone[][]} Zones that were to be saved. */
+    this.drawn = [];
+    /** @type {RoomEvent[]} */
+    this.events = [];
+    /** @type {OccupancySpan[]} Of a daemon that keeps a history. */
+    this.spans = [];
     this.resets = 0;
     /** @type {string | null} Why the next change is refused. */
     this.refusal = null;
@@ -130,33 +147,46 @@ export class Mock {
    * @param {ServerResponse} response
    */
   async #answer(request, response) {
-    const { pathname } = new URL(request.url ?? "/", this.url);
+    const { pathname, searchParams } = new URL(request.url ?? "/", this.url);
     this.requests.push(pathname);
     // The strictest policy the daemon may set: the page must work under it.
     response.setHeader("content-security-policy", "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
     response.setHeader("x-content-type-options", "nosniff");
     const name = pathname.slice(API.length);
     if (!pathname.startsWith(API)) return this.#answerAsset(pathname, response);
-    if (request.method === "GET") return this.#answerApi(name, response);
+    if (request.method === "GET") return this.#answerApi(name, searchParams, response);
     this.#change(`${request.method} ${name}`, await bodyOf(request), response);
   }
 
   /**
    * @param {string} name
+   * @param {URLSearchParams} wanted
    * @param {ServerResponse} response
    */
-  #answerApi(name, response) {
+  #answerApi(name, wanted, response) {
     const age_s = (Date.now() - this.latestAt) / 1000;
     const last_update = this.latest && { sequence: this.latest.sequence, age_s };
     if (name === "geometry" && this.status.calibrated) return json(response, this.geometry);
     if (name === "uncertainty" && this.uncertainty) return json(response, this.uncertainty);
-    if (name === "status") return json(response, { ...this.status, last_update });
+    if (name === "status") return json(response, { ...this.status, time: new Date(Date.now() + this.clockAheadMs).toISOString(), last_update });
+    if (name === "signal") return json(response, { sequence: this.latest?.sequence ?? null, ...this.signal });
+    if (name === "patches.png" && this.latest) {
+      response.setHeader("content-type", "image/png");
+      return response.end(patchesPicture());
+    }
     if (name === "reconstruction" && this.latest) return json(response, this.latest);
     if (name === "difference.png" && this.latest && this.hasPictures) {
       response.setHeader("content-type", "image/png");
       return response.end(differencePicture(this.latest.sequence));
     }
     if (name === "session") return json(response, this.session);
+    if (name === "events") return json(response, this.#eventPage(wanted));
+    if (name === "occupancy" && this.status.history) {
+      const zone = wanted.get("zone");
+      const spans = this.spans.filter((span) => span.zone === zone && inTime(span.to, wanted) && span.from < (wanted.get("to") ?? ""));
+      return json(response, { spans, next: null });
+    }
+    if (name === "zones") return json(response, this.#zones());
     if (name === "calibration") return json(response, this.calibration.document());
     if (name === "frame.jpg" && this.frame) {
       response.setHeader("content-type", "image/png");
@@ -182,12 +212,71 @@ export class Mock {
       return this.#calibrate(JSON.parse(body), response);
     }
     if (what === "POST calibration/previous" && calibration.before) return this.#calibrate(calibration.before, response);
+    if (what === "PUT zones") {
+      this.drawn.push(JSON.parse(body).zones);
+      return this.#useZones(JSON.parse(body).zones, "saved", response);
+    }
+    if (what === "DELETE zones") return this.#useZones([], "config", response);
+    if (what === "POST recording") {
+      this.recorded.push(JSON.parse(body || "{}"));
+      /** @type {RecordingStatus} */
+      const begun = {
+        directory: "/var/lib/doorcam/recordings/evening", state: "recording", frames: 0, seconds: 0, bytes: 1200,
+        skipped: 0, lost: 0, overflowed: 0, ended: null, error: null,
+      };
+      return this.#record(begun, response);
+    }
+    if (what === "DELETE recording" && this.status.recording) {
+      return this.#record({ ...this.status.recording, state: "complete", ended: "stopped" }, response);
+    }
     if (what === "POST background/reset") {
       this.resets += 1;
       response.writeHead(202);
       return response.end();
     }
     return problem(response);
+  }
+
+  /**
+   * @param {URLSearchParams} wanted
+   * @returns {EventPage}
+   */
+  #eventPage(wanted) {
+    const { events } = this;
+    const after = Number(wanted.get("after") ?? -1);
+    const limit = Number(wanted.get("limit") ?? 100);
+    const found = events.filter(({ sequence, time }) => sequence > after && (!this.status.history || (inTime(time, wanted) && time < (wanted.get("to") ?? "Z"))));
+    const paged = wanted.has("after") || wanted.has("from");
+    const page = paged ? found.slice(0, limit) : found.slice(-limit);
+    const next = paged && found.length > limit ? page[page.length - 1].sequence : null;
+    return { events: page, oldest: events[0]?.sequence ?? null, newest: events.at(-1)?.sequence ?? null, ...(this.status.history !== undefined && { next }) };
+  }
+
+  /** @returns {ZonesDocument} */
+  #zones() {
+    const zones = (this.geometry.zones ?? []).map((zone) => ({ ...zone, people: 0, tracks: [] }));
+    return { origin: this.zonesFrom, zones };
+  }
+
+  /**
+   * @param {Zone[]} zones
+   * @param {ZonesDocument["origin"]} origin
+   * @param {ServerResponse} response
+   */
+  #useZones(zones, origin, response) {
+    this.zonesFrom = origin;
+    this.status.zones_revision += 1;
+    this.geometry = { ...this.geometry, zones, zones_revision: this.status.zones_revision };
+    json(response, this.#zones());
+  }
+
+  /**
+   * @param {RecordingStatus} recording
+   * @param {ServerResponse} response
+   */
+  #record(recording, response) {
+    this.status.recording = recording;
+    json(response, { possible: recording.state !== "recording", reason: null, recording });
   }
 
   /**
@@ -240,11 +329,22 @@ function problem(response, status = 404, detail) {
   response.end(JSON.stringify({ title: STATUS_CODES[status], status, detail }));
 }
 
+/**
+ * RFC 3339 in UTC orders as text.
+ * @param {string} time
+ * @param {URLSearchParams} wanted
+ */
+const inTime = (time, wanted) => time >= (wanted.get("from") ?? "");
+
 /** @param {IncomingMessage} request */
 async function bodyOf(request) {
   let body = "";
   for await (const chunk of request) body += chunk;
   return body;
+}
+
+function patchesPicture() {
+  return png(132, 64, (x, y) => (x >= 64 && x < 68 ? [255, 255, 255] : [188 - y, 170 - y, 150 - (x % 64) / 2]));
 }
 
 /** @param {number} sequence */

@@ -247,12 +247,82 @@ describe("map", () => {
     await page.getByLabel("Uncertainty").uncheck({ force: true });
     await settled(page);
     assert.deepEqual(await colourAt(page, [...far]), bare);
-    assert.equal(await page.locator("#uncertainty-key").isVisible(), false);
+    // Where nobody can be located at all stays shaded.
+    assert.equal(await page.locator("#uncertainty-words").innerText(), "not observable now");
     // What is not known is said in the daemon's words.
     mock.uncertainty = null;
     await page.getByLabel("Uncertainty").check({ force: true });
     await page.getByText("Not known: Not Found").waitFor();
     assert.deepEqual(complaints.filter((line) => !line.includes("404")), []);
+  });
+
+  test("shades what is not observable without being asked, once there is something to know", async (t) => {
+    const { mock, page, complaints } = await visit(t);
+    const blind = /** @type {const} */ ([0.62, 2.36]);
+    mock.send(update(1, [], { state: "learning", model: "signed" }));
+    await draws(page, 1);
+    const bare = await colourAt(page, [...blind]);
+    mock.uncertainty = {
+      x_m: [-1, 0, 1], y_m: [0.5, 1.5, 2.5], error_m: [[0.02, 0.01, 0.02], [0.2, 0.1, 0.2], [0.3, 0.4, 0.9]],
+      threshold_m: 0.5, calibration: mock.geometry.calibration,
+    };
+    mock.send(update(2, [], { model: "signed" }));
+    await page.locator("#uncertainty-key", { hasText: "not observable now" }).waitFor();
+    await settled(page);
+    assert.ok((await colourAt(page, [...blind]))[2] > bare[2] + 8, "shaded");
+    assert.deepEqual(await colourAt(page, [0.13, 2.36]), await colourAt(page, [-0.13, 2.36]), "and nothing else is");
+    assert.deepEqual(complaints, []);
+  });
+
+  test("shows where a person is heading, the colour of the change, and the numbers under pointer or finger", async (t) => {
+    const { mock, page } = await visit(t);
+    /** @type {Track} */
+    const track = {
+      id: 7, state: "confirmed", x_m: 0.3, y_m: 1.4, vx_m_s: 0, vy_m_s: 1,
+      covariance_m2: [[0.01, 0], [0, 0.04]], rgb: [-0.01, 0, 0], age_s: 4.2,
+    };
+    mock.send(update(1, []));
+    await draws(page, 1);
+    const ahead = /** @type {[number, number]} */ ([0.3, 1.9]);
+    const bare = await colourAt(page, ahead);
+    mock.send(update(2, [], { tracks: [track] }));
+    await draws(page, 2);
+    assert.ok((await colourAt(page, ahead))[0] > bare[0] + 100, "the arrow is where they will be in half a second");
+    // Less red, and dashed: some of the ring is red, and nothing of it green.
+    const ring = await page.evaluate(() => {
+      const canvas = /** @type {HTMLCanvasElement} */ (document.getElementById("map"));
+      const [x, y] = /** @type {any} */ (window).doorcam.mapPoint(0.3, 1.4);
+      const ratio = canvas.width / canvas.clientWidth;
+      const ctx = new OffscreenCanvas(24 * ratio, 24 * ratio).getContext("2d");
+      ctx?.drawImage(canvas, -(x - 12) * ratio, -(y - 12) * ratio);
+      const data = ctx?.getImageData(0, 0, 24 * ratio, 24 * ratio).data ?? new Uint8ClampedArray();
+      return data.some((_, k) => k % 4 === 0 && data[k] > 230 && data[k + 1] < 40 && data[k + 2] < 40);
+    });
+    assert.ok(ring, "the ring has the colour of the missing light");
+    const [x, y] = await page.evaluate(() => /** @type {any} */ (window).doorcam.mapPoint(0.32, 1.42));
+    await page.locator("#map").hover({ position: { x, y } });
+    await page.locator("#tooltip").waitFor();
+    const text = await page.locator("#tooltip").innerText();
+    assert.match(text, /Person 7\b.*0\.30, 1\.40 m, confirmed for 4 s/);
+    assert.match(text, /Speed\s+1\.00 m\/s\s+away/);
+    // √5.991 times the deviations.
+    assert.match(text, /95 % ellipse\s+± 0\.49\s+± 0\.24 m/);
+    // They walk on, and the numbers stay theirs only as long as they are under the pointer.
+    mock.send(update(3, [], { tracks: [{ ...track, x_m: -0.8 }] }));
+    await draws(page, 3);
+    await page.waitForFunction(() => !document.getElementById("tooltip-title")?.textContent?.startsWith("Person"));
+  });
+
+  test("tells a facet's numbers to a finger", async (t) => {
+    const { mock, page } = await visit(t, { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true, deviceScaleFactor: 2 });
+    const index = nearest(mock.geometry, 0.6, 1.2);
+    mock.send(update(1, [lit(index, [0.02, 0, 0])]));
+    await draws(page, 1);
+    const [x, y] = await page.evaluate(([x, y]) => /** @type {any} */ (window).doorcam.mapPoint(x, y), middle(mock.geometry, index));
+    await page.locator("#map").tap({ position: { x, y } });
+    await page.locator("#tooltip", { hasText: `Facet ${index}` }).waitFor();
+    await page.locator("h1").tap();
+    await page.locator("#tooltip").waitFor({ state: "hidden" });
   });
 
   test("is sharp on a dense screen and draws a thick wall to scale", async (t) => {

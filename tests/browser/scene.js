@@ -1,6 +1,6 @@
 // A made-up door, grid and updates, in the daemon's own words.
 
-/** @import { Geometry, LitFacet, Point, Rgb, Status, Update } from "../../web/types.js" */
+/** @import { Geometry, LitFacet, Point, Rgb, Status, Track, Update } from "../../web/types.js" */
 
 /**
  * A biangular grid like the daemon's, without the care it takes at the walls: facets join diagonal corners of the cells.
@@ -31,6 +31,8 @@ export function geometry({ width = 0.508, thickness = 0, intervals = 45 } = {}) 
     facets,
     foreground: facets.map((ends) => Math.min(...ends.map(([x]) => Math.abs(x))) < 1 && Math.min(...ends.map(([, y]) => y)) < 1.875),
     calibration: 1,
+    zones: [],
+    zones_revision: 0,
   };
 }
 
@@ -39,6 +41,7 @@ export function status() {
   return {
     version: "0.1.0",
     state: "watching",
+    time: new Date().toISOString(),
     uptime_s: 754.2,
     model: "published",
     preset: "published",
@@ -56,6 +59,8 @@ export function status() {
     rate_hz: { captured: 10, solved: 10 },
     last_update: null,
     clients: 1,
+    recording: null,
+    zones_revision: 0,
     calibrated: true,
     calibration_revision: 1,
     background: { age_s: 312, frames: 200, progress: null },
@@ -169,5 +174,11 @@ export function twoPeople(room, sequence) {
     const unified = /** @type {Rgb} */ (both ? left.map((c, i) => (c + right[i]) / 2) : [0, 0, 0]);
     if ([...left, ...right].some((c) => c !== 0)) facets.push({ index, left, right, unified, refit: 1.25 });
   });
-  return update(sequence, facets);
+  // As people mostly do, they darken what is behind them; their speed is that of the circles they walk.
+  const speeds = [[0.35 * Math.cos(t), -0.2 * Math.sin(t)], [-0.24 * Math.sin(0.8 * t), 0.24 * Math.cos(0.8 * t)]];
+  const tracks = people.map(({ x, y, rgb }, index) => /** @type {Track} */ ({
+    id: index + 1, state: "confirmed", x_m: x, y_m: y, vx_m_s: speeds[index][0], vy_m_s: speeds[index][1],
+    covariance_m2: [[0.004, 0.001], [0.001, 0.01]], rgb, age_s: sequence / 10,
+  }));
+  return update(sequence, facets, { tracks });
 }

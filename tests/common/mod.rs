@@ -210,6 +210,19 @@ impl Daemon {
         (response.status().as_u16(), serde_json::from_str(&text).unwrap_or_default())
     }
 
+    /// Status code and JSON of the answer to a DELETE request.
+    pub fn delete(&self, path: &str) -> (u16, serde_json::Value) {
+        let agent: ureq::Agent = ureq::Agent::config_builder()
+            .http_status_as_error(false)
+            .timeout_global(Some(Duration::from_secs(20)))
+            .build()
+            .into();
+        let mut response = agent.delete(format!("{}{path}", self.url)).call().expect("an answer");
+        let mut text = String::new();
+        response.body_mut().as_reader().read_to_string(&mut text).expect("a body");
+        (response.status().as_u16(), serde_json::from_str(&text).unwrap_or_default())
+    }
+
     /// The JSON answer of a GET request that must succeed.
     pub fn json(&self, path: &str) -> serde_json::Value {
         let (status, body) = self.get(path);

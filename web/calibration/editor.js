@@ -2,8 +2,8 @@ import { byId, resizeList, setText } from "../dom.js";
 import { Handles, placeWords } from "./handles.js";
 import { Loupe } from "./loupe.js";
 import { MeasureForm } from "./form.js";
-import { OverlayPicture } from "./overlay.js";
-import { Stage } from "./stage.js";
+import { Outlines } from "../camera/outlines.js";
+import { Stage } from "../camera/stage.js";
 import { PointTable, yWords } from "./table.js";
 import { errorsOf, summaryOf } from "./words.js";
 
@@ -38,7 +38,7 @@ export class Editor {
       this.#changed();
     };
     this.loupe = new Loupe(byId("cal-loupe", HTMLCanvasElement), image, this.stage, move);
-    this.overlay = new OverlayPicture(/** @type {SVGSVGElement} */ (/** @type {unknown} */ (byId("cal-overlay"))), this.stage);
+    this.overlay = new Outlines(/** @type {SVGSVGElement} */ (/** @type {unknown} */ (byId("cal-overlay"))), this.stage);
     this.handles = new Handles(byId("cal-handles"), this.stage, {
       onMove: move,
       onSelect: (point) => this.loupe.show(point, this.editable),

@@ -4,7 +4,7 @@ import { residualWords } from "./words.js";
 
 /** @import { Pixel, PointCheck } from "../types.js" */
 /** @import { Draft, DraftPoint } from "./points.js" */
-/** @import { Stage } from "./stage.js" */
+/** @import { Stage } from "../camera/stage.js" */
 
 /** With more points than this their words would lie on each other. */
 const MANY = 6;

@@ -2,7 +2,7 @@ import { followPointer, placeWords } from "./handles.js";
 
 /** @import { Pixel } from "../types.js" */
 /** @import { DraftPoint } from "./points.js" */
-/** @import { Stage } from "./stage.js" */
+/** @import { Stage } from "../camera/stage.js" */
 
 /** The magnifier shows a picture pixel this large, in CSS pixels. */
 const MAGNIFICATION = 8;

@@ -2,10 +2,10 @@ import { Refusal, getCalibration, putCalibration, restorePrevious } from "../api
 import { byId, isUnavailable, setText, setUnavailable } from "../dom.js";
 import { duration } from "../format.js";
 import { sourceWords } from "../source-words.js";
-import { CameraPicture } from "./camera.js";
+import { CameraPicture } from "../camera/picture.js";
 import { Checker } from "./checker.js";
 import { Editor } from "./editor.js";
-import { askToDrop } from "./drop.js";
+import { askToDrop } from "../drop.js";
 import { Draft } from "./points.js";
 import { whyNotSave } from "./words.js";
 

@@ -19,7 +19,9 @@ export const INK = {
   track: "#f4f7fa",
   trail: "rgb(244 247 250 / 0.4)",
   zone: "#7fc8a9",
+  zoneChosen: "rgb(127 200 169 / 0.16)",
   fog: "#8fa8c4",
+  blind: "rgb(143 168 196 / 0.16)",
   fogHatch: "rgb(10 14 19 / 0.75)",
   highlight: "#ffffff",
 };

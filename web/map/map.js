@@ -1,13 +1,14 @@
 import { drawHighlight, drawLitFacets, facetAt } from "./facets.js";
 import { drawRoom } from "./room.js";
-import { drawTracks } from "./tracks.js";
+import { drawTracks, trackAt } from "./tracks.js";
 import { Trails } from "./trails.js";
-import { drawUncertainty } from "./uncertainty.js";
+import { drawBlind, drawUncertainty } from "./uncertainty.js";
 import { Viewport, boundsOf, heightFor } from "./viewport.js";
-import { drawZones } from "./zones.js";
+import { drawEditedZones, drawZones } from "./zones.js";
 
-/** @import { Choice, Geometry, Point, Uncertainty, Update } from "../types.js" */
+/** @import { Choice, Geometry, Parts, Point, Track, Uncertainty, Update, Zone } from "../types.js" */
 /** @import { Bounds } from "./viewport.js" */
+/** @import { EditedZones } from "./zones.js" */
 
 /**
  * The bird's-eye map. Setters only note what is new; one animation frame draws the newest of all,
@@ -35,10 +36,19 @@ export class RoomMap {
     /** @type {Choice} */
     this.choice = { layer: "unified", signs: "both", brightness: "measured" };
     this.scale = 0;
+    /** @type {Parts} */
+    this.parts = { grid: true, light: true, people: true, ellipses: true, headings: true, trails: true, zones: true };
     /** @type {number | null} */
     this.highlight = null;
     /** @type {Uncertainty | null} */
     this.uncertainty = null;
+    /** The fog of the bound, not only where nobody can be located at all. */
+    this.foggy = false;
+    /** What does not change from update to update, drawn once. */
+    this.still = document.createElement("canvas");
+    this.stillOf = "";
+    /** @type {EditedZones | null} */
+    this.edited = null;
     this.trails = new Trails();
     this.scheduled = false;
     new ResizeObserver(() => this.#resized()).observe(canvas);
@@ -79,10 +89,40 @@ export class RoomMap {
     this.#schedule();
   }
 
-  /** @param {Uncertainty | null} uncertainty  null: not to be shown */
-  setUncertainty(uncertainty) {
-    if (uncertainty === this.uncertainty) return;
+  /** @param {Parts} parts */
+  setParts(parts) {
+    this.parts = parts;
+    this.stillOf = "";
+    this.#schedule();
+  }
+
+  /**
+   * @param {Uncertainty | null} uncertainty  null: not known
+   * @param {boolean} foggy
+   */
+  setUncertainty(uncertainty, foggy) {
+    if (uncertainty === this.uncertainty && foggy === this.foggy) return;
     this.uncertainty = uncertainty;
+    this.foggy = foggy;
+    this.stillOf = "";
+    this.#schedule();
+  }
+
+  /**
+   * The same room, with other zones.
+   * @param {Zone[]} zones
+   * @param {number} revision
+   */
+  setZones(zones, revision) {
+    if (!this.geometry) return;
+    this.geometry = { ...this.geometry, zones, zones_revision: revision };
+    this.#schedule();
+  }
+
+  /** @param {EditedZones | null} edited  shown instead of the zones in use */
+  setEdited(edited) {
+    if (edited === null && this.edited === null) return;
+    this.edited = edited;
     this.#schedule();
   }
 
@@ -104,12 +144,28 @@ export class RoomMap {
   }
 
   /**
+   * @param {Point} pointer  CSS pixels from the canvas's corner
+   * @returns {Track | null}
+   */
+  trackAt(pointer) {
+    return this.view && this.update ? trackAt(this.view, this.update.tracks, pointer) : null;
+  }
+
+  /**
    * @param {number} x
    * @param {number} y
    * @returns {Point | null} CSS pixels from the canvas's corner
    */
   pointOf(x, y) {
     return this.view ? this.view.point([x, y]) : null;
+  }
+
+  /**
+   * @param {Point} pointer  CSS pixels from the canvas's corner
+   * @returns {Point | null} metres
+   */
+  placeOf(pointer) {
+    return this.view ? this.view.place(pointer) : null;
   }
 
   #resized() {
@@ -124,6 +180,7 @@ export class RoomMap {
     this.canvas.height = Math.round(height * ratio);
     this.ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.view = new Viewport(this.bounds, width, height);
+    this.stillOf = "";
     // Setting the size has cleared the canvas: drawing now, not at the next frame, avoids a flash.
     this.#draw();
   }
@@ -150,15 +207,35 @@ export class RoomMap {
   #draw() {
     const { ctx, geometry, view, update } = this;
     if (!geometry || !view) return;
-    drawRoom(ctx, view, geometry, this.choice.layer);
-    if (this.uncertainty) drawUncertainty(ctx, view, this.uncertainty);
-    if (update) drawLitFacets(ctx, view, geometry, update.facets, this.choice, this.scale);
-    drawZones(ctx, view, geometry.zones ?? [], update?.zones ?? []);
-    if (update) {
-      this.trails.draw(ctx, view, update.tracks);
-      drawTracks(ctx, view, update.tracks);
-    }
+    this.#drawStill(geometry, view);
+    const { parts } = this;
+    if (update && parts.light) drawLitFacets(ctx, view, geometry, update.facets, this.choice, this.scale);
+    if (this.edited) drawEditedZones(ctx, view, this.edited);
+    else if (parts.zones) drawZones(ctx, view, geometry.zones ?? [], update?.zones ?? []);
+    if (update && parts.trails) this.trails.draw(ctx, view, update.tracks);
+    if (update && parts.people) drawTracks(ctx, view, update.tracks, parts);
     if (this.highlight !== null) drawHighlight(ctx, view, geometry, this.highlight);
     this.onDrawn(update?.sequence ?? null);
+  }
+
+  /**
+   * @param {Geometry} geometry
+   * @param {Viewport} view
+   */
+  #drawStill(geometry, view) {
+    const { canvas, still } = this;
+    if (this.stillOf !== this.choice.layer) {
+      this.stillOf = this.choice.layer;
+      still.width = canvas.width;
+      still.height = canvas.height;
+      const ctx = still.getContext("2d", { alpha: false });
+      if (!ctx) return;
+      const ratio = canvas.width / view.width;
+      ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
+      drawRoom(ctx, view, geometry, this.choice.layer, this.parts.grid);
+      if (this.uncertainty && this.foggy) drawUncertainty(ctx, view, this.uncertainty);
+      else if (this.uncertainty) drawBlind(ctx, view, this.uncertainty);
+    }
+    this.ctx.drawImage(still, 0, 0, view.width, view.height);
   }
 }

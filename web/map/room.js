@@ -11,11 +11,12 @@ const THINNEST_WALL_PX = 5;
  * @param {Viewport} view
  * @param {Geometry} geometry
  * @param {Layer} layer  a view through one edge plays the other edge down
+ * @param {boolean} grid  the reconstruction grid is shown
  */
-export function drawRoom(ctx, view, geometry, layer) {
+export function drawRoom(ctx, view, geometry, layer, grid) {
   drawFloor(ctx, view, geometry);
   drawGrid(ctx, view);
-  drawFacetLines(ctx, view, geometry);
+  if (grid) drawFacetLines(ctx, view, geometry);
   drawWall(ctx, view, geometry);
   drawPatch(ctx, view, geometry, -1, layer !== "right");
   drawPatch(ctx, view, geometry, +1, layer !== "left");

@@ -73,6 +73,15 @@ export class Viewport {
     return [this.x(x), this.y(y)];
   }
 
+  /**
+   * The other way round.
+   * @param {Point} point  CSS pixels
+   * @returns {Point} metres
+   */
+  place([x, y]) {
+    return [(x - this.originX) / this.scale, (this.originY - y) / this.scale];
+  }
+
   /** The part of the plane inside the axes: wider than the bounds when the canvas is. */
   shown() {
     return {

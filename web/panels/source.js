@@ -28,6 +28,7 @@ export function showSource({ source, background }) {
   resizeList(list, mismatches.length, () => document.createElement("li"));
   mismatches.forEach((mismatch, row) => setText(list.children[row], mismatch));
   show("background-row", "background", background ? ofFrames(background) : null);
+  setText(byId("health-words"), `${now}${background ? `, background ${ofFrames(background)}` : ""}`);
 }
 
 /**

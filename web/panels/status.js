@@ -1,5 +1,6 @@
 import { byId, setText } from "../dom.js";
 import { UNKNOWN, duration, fixed, integer, milliseconds } from "../format.js";
+import { gainPercent, gapPercent } from "../health/samples.js";
 
 /** @import { Rgb, Status, Update, WatchState } from "../types.js" */
 /** @import { Verdict } from "../freshness.js" */
@@ -54,8 +55,10 @@ export function showWatchState(watch) {
  * @param {Update | null} update
  * @param {number | null} rateHz
  * @param {number} missed
+ * @param {number | null} latencyMs
  */
-export function showUpdate(update, rateHz, missed) {
+export function showUpdate(update, rateHz, missed, latencyMs) {
+  setText(byId("latency"), milliseconds(latencyMs));
   setText(byId("rate"), fixed(rateHz, 1));
   setText(byId("missed"), integer(missed));
   if (!update) return;
@@ -71,21 +74,15 @@ export function showUpdate(update, rateHz, missed) {
   setText(byId("iterations"), `${integer(solution.iterations)}, from ${solution.warm ? "the last frame" : "nothing"}`);
 }
 
-/**
- * How much brighter a patch is as a whole than when the room was empty.
- * @param {Rgb} rgb
- */
+/** @param {Rgb} rgb */
 function gain(rgb) {
-  const percent = 100 * ((rgb[0] + rgb[1] + rgb[2]) / 3 - 1);
+  const percent = gainPercent(rgb);
   return `${percent >= 0 ? "+" : ""}${fixed(percent, 1)} %`;
 }
 
-/**
- * How far the objective can at most be above the global optimum, relative to itself.
- * @param {{ objective: number, bound: number }} solution
- */
-function gap({ objective, bound }) {
-  if (!Number.isFinite(bound) || !(objective > 0)) return UNKNOWN;
-  const percent = (100 * Math.max(objective - bound, 0)) / objective;
+/** @param {{ objective: number, bound: number }} solution */
+function gap(solution) {
+  const percent = gapPercent(solution);
+  if (percent === null) return UNKNOWN;
   return percent < 0.01 ? "below 0.01 %" : `${fixed(percent, percent < 1 ? 2 : 1)} %`;
 }

@@ -1,16 +1,17 @@
 import { BRIGHTNESSES, BRIGHTNESS_NAMES, lightOf } from "../brightness.js";
 import { LAYERS, LAYER_NAMES, middle } from "../layers.js";
 import { byId, resizeList, setText } from "../dom.js";
-import { amount, position } from "../format.js";
+import { amount, duration, fixed, position } from "../format.js";
+import { SLOWEST_M_S, ellipse95 } from "../map/tracks.js";
 
 /** @import { RoomMap } from "../map/map.js" */
-/** @import { LitFacet, Point } from "../types.js" */
+/** @import { LitFacet, Point, Track } from "../types.js" */
 
 const OFFSET_PX = 14;
 /** @type {Omit<LitFacet, "index">} */
 const UNLIT = { left: [0, 0, 0], right: [0, 0, 0], unified: [0, 0, 0], refit: 1 };
 
-/** The numbers of the facet under the pointer or finger. */
+/** The numbers of the facet or the person under the pointer or finger. */
 export class Tooltip {
   /** @param {RoomMap} map */
   constructor(map) {
@@ -41,10 +42,21 @@ export class Tooltip {
   /** Also called after each drawing: the numbers change under a still pointer. */
   refresh() {
     const { map, element, pointer } = this;
-    const index = pointer && map.facetAt(pointer);
+    // A person stands on facets, and is what is meant.
+    const track = pointer && map.trackAt(pointer);
+    const index = track || !pointer ? null : map.facetAt(pointer);
     map.setHighlight(index);
-    element.hidden = index === null;
-    if (index === null || !pointer || !map.geometry) return;
+    element.hidden = !track && index === null;
+    if (!pointer || element.hidden) return;
+    if (track) showTrack(track);
+    else if (index !== null) this.#showFacet(index);
+    this.#place(pointer);
+  }
+
+  /** @param {number} index */
+  #showFacet(index) {
+    const { map } = this;
+    if (!map.geometry) return;
 
     const [x, y] = middle(map.geometry.facets[index]);
     const kind = map.geometry.foreground[index] === false ? "far wall" : "foreground";
@@ -54,16 +66,10 @@ export class Tooltip {
     const facet = lit ?? { index, ...UNLIT };
     // No light is none however it is counted: once is enough.
     const brightnesses = lit ? BRIGHTNESSES : BRIGHTNESSES.slice(0, 1);
-    const rows = byId("tooltip-rows");
-    resizeList(rows, LAYERS.length * brightnesses.length, headedRow);
-    brightnesses.forEach((brightness, group) => {
-      LAYERS.forEach((layer, row) => {
-        const cells = rows.children[group * LAYERS.length + row].children;
-        setText(cells[0], `${LAYER_NAMES[layer]}, ${BRIGHTNESS_NAMES[brightness].toLowerCase()}`);
-        lightOf(facet, layer, brightness).forEach((value, channel) => setText(cells[channel + 1], amount(value)));
-      });
-    });
-    this.#place(pointer);
+    showRows(brightnesses.flatMap((brightness) => LAYERS.map((layer) => [
+      `${LAYER_NAMES[layer]}, ${BRIGHTNESS_NAMES[brightness].toLowerCase()}`,
+      ...lightOf(facet, layer, brightness).map(amount),
+    ])));
   }
 
   /** @param {PointerEvent} event */
@@ -81,6 +87,38 @@ export class Tooltip {
     const left = Math.max(4, Math.min(beside, clientWidth - element.offsetWidth - 4));
     element.style.transform = `translate(${Math.round(left)}px, ${Math.round(Math.max(4, below))}px)`;
   }
+}
+
+/** @param {Track} track */
+function showTrack(track) {
+  const { vx_m_s, vy_m_s, rgb } = track;
+  setText(byId("tooltip-title"), `Person ${track.id}`);
+  setText(byId("tooltip-place"), `${position(track.x_m, track.y_m)}, ${track.state} for ${duration(track.age_s)}`);
+  const speed = Math.hypot(vx_m_s, vy_m_s);
+  const { major, minor } = ellipse95(track.covariance_m2);
+  const heading = speed < SLOWEST_M_S ? "stands" : headingWords(vx_m_s, vy_m_s);
+  showRows([
+    ["Speed", `${fixed(speed, 2)} m/s`, heading, ""],
+    ["95 % ellipse", `± ${fixed(major, 2)}`, `± ${fixed(minor, 2)} m`, ""],
+    ["Change of light", ...rgb.map(amount)],
+  ]);
+}
+
+/**
+ * In the room's own terms: where from the door's point of view.
+ * @param {number} vx
+ * @param {number} vy
+ */
+function headingWords(vx, vy) {
+  const words = ["right", "away and right", "away", "away and left", "left", "nearer and left", "nearer", "nearer and right"];
+  return words[(Math.round(Math.atan2(vy, vx) / (Math.PI / 4)) + 8) % 8];
+}
+
+/** @param {string[][]} rows  a head and three cells each */
+function showRows(rows) {
+  const body = byId("tooltip-rows");
+  resizeList(body, rows.length, headedRow);
+  rows.forEach((texts, row) => texts.forEach((text, cell) => setText(body.children[row].children[cell], text)));
 }
 
 function headedRow() {

@@ -1,7 +1,7 @@
 import { setText } from "../dom.js";
 
 /** @import { Check, Pixel } from "../types.js" */
-/** @import { Draft } from "./points.js" */
+/** @import { Draft } from "../calibration/points.js" */
 /** @import { Stage } from "./stage.js" */
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -12,7 +12,7 @@ const LONGEST_PX = 60;
 const TEXT_PX = 13;
 
 /** What the camera would see of the door and the floor, drawn over what it sees. */
-export class OverlayPicture {
+export class Outlines {
   /**
    * @param {SVGSVGElement} svg
    * @param {Stage} stage

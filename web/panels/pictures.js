@@ -1,15 +1,19 @@
-import { differenceUrl } from "../api.js";
-import { byId } from "../dom.js";
-
-const PERIOD_S = 1;
 // A daemon that has no such picture says so in the browser's console each time: ask seldom.
 const RETRY_S = 30;
 
-/** The colour-magnified patches, refreshed at most once a second and only while looked at. */
-export class DifferencePicture {
-  constructor() {
-    this.image = byId("difference-image", HTMLImageElement);
-    this.panel = byId("difference");
+/** A picture that the daemon draws of the newest update, refreshed now and then and only while looked at. */
+export class UpdatePicture {
+  /**
+   * @param {HTMLImageElement} image
+   * @param {HTMLElement} panel  hidden as long as there is no picture
+   * @param {(sequence: number) => string} address
+   * @param {number} periodS
+   */
+  constructor(image, panel, address, periodS) {
+    this.image = image;
+    this.panel = panel;
+    this.address = address;
+    this.periodS = periodS;
     this.inSight = true;
     this.loading = false;
     this.nextAt = 0;
@@ -30,10 +34,10 @@ export class DifferencePicture {
     if (document.hidden || !this.inSight || this.loading) return;
     if (nowS < this.nextAt || sequence === this.sequence) return;
     this.loading = true;
-    this.nextAt = nowS + PERIOD_S;
+    this.nextAt = nowS + this.periodS;
     this.sequence = sequence;
     // The old picture stays until the new one is complete, so nothing flickers.
-    this.image.src = differenceUrl(sequence);
+    this.image.src = this.address(sequence);
   }
 
   /** @param {boolean} shown */

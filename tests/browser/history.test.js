@@ -1,0 +1,171 @@
+// What happened in the last hours: occupancy that can be scrubbed, events, and files of them.
+
+import assert from "node:assert/strict";
+import { readFile } from "node:fs/promises";
+import { describe, test } from "node:test";
+import { violations } from "./axe.js";
+import { DESKTOP, PHONE, picture, reaches } from "./browser.js";
+import { update } from "./scene.js";
+import { visit } from "./visit.js";
+
+/** @import { TestContext } from "node:test" */
+/** @import { BrowserContextOptions, Page } from "playwright-core" */
+/** @import { Mock } from "./mock.js" */
+/** @import { RoomEvent } from "../../web/types.js" */
+
+const MINUTE = 60_000;
+
+/**
+ * @param {number} now
+ * @returns {RoomEvent[]} two people, one of them in bed for a while
+ */
+function evening(now) {
+  const event = (/** @type {number} */ sequence, /** @type {RoomEvent["kind"]} */ kind, /** @type {number} */ minutesAgo, /** @type {number} */ track, /** @type {string | null} */ zone = null) =>
+    ({ sequence, kind, time: new Date(now - minutesAgo * MINUTE).toISOString(), track, x_m: -0.5, y_m: 1.25, zone });
+  return [
+    event(0, "enter", 50, 3),
+    event(1, "enter", 40, 4),
+    event(2, "zone_enter", 38, 4, "bed, left"),
+    event(3, "exit", 30, 3),
+    event(4, "zone_exit", 12, 4, "bed, left"),
+    event(5, "exit", 10, 4),
+    event(6, "enter", 2, 5),
+  ];
+}
+
+/**
+ * @param {TestContext} t
+ * @param {BrowserContextOptions} [options]
+ * @param {(mock: Mock) => void} [prepare]
+ */
+async function looking(t, options, prepare) {
+  const now = Date.now();
+  const visited = await visit(t, options, (mock) => {
+    mock.status.uptime_s = 55 * 60;
+    mock.events = evening(now);
+    mock.geometry.zones = [{ name: "bed, left", polygon_m: [[-1, 1], [0, 1], [0, 2]] }];
+    prepare?.(mock);
+  }, "#history");
+  visited.mock.send(update(1, []));
+  await visited.page.locator("#history-rows tr").first().waitFor();
+  return { ...visited, now };
+}
+
+/**
+ * Drags the time to so many minutes ago; an hour is shown.
+ * @param {Page} page
+ * @param {number} minutes
+ */
+async function scrub(page, minutes) {
+  const box = await page.locator("#timeline").boundingBox();
+  assert.ok(box);
+  await page.mouse.click(box.x + box.width * (1 - minutes / 60), box.y + 30);
+  return page.locator("#history-who").innerText();
+}
+
+describe("history", () => {
+  test("says who was where at any time that is scrubbed to", async (t) => {
+    const { page, complaints } = await looking(t);
+    assert.match(await page.locator("#history-when").innerText(), /^Now, /);
+    assert.match(await page.locator("#history-who").innerText(), /Room: 1 person \(5\)\s+bed, left: 0 people/);
+    assert.match(await scrub(page, 35), /Room: 2 people \(3, 4\)\s+bed, left: 1 person \(4\)/);
+    assert.match(await scrub(page, 20), /Room: 1 person \(4\)\s+bed, left: 1 person \(4\)/);
+    assert.match(await scrub(page, 5), /Room: 0 people\s+bed, left: 0 people/);
+    assert.match(await scrub(page, 58), /Room: not watched\s+bed, left: not watched/, "before the daemon began");
+    assert.match(await scrub(page, 20), /Room: 1/);
+    // The events up to then, the newest first.
+    assert.deepEqual((await page.locator("#history-rows tr td:nth-child(3)").allInnerTexts()).slice(0, 2), ["leaves", "enters bed, left"]);
+    assert.equal(await page.locator("#history-count").innerText(), "7");
+    assert.deepEqual(complaints, []);
+  });
+
+  test("draws as many people as there were", async (t) => {
+    const { page } = await looking(t);
+    const heights = await page.evaluate(() => {
+      const canvas = /** @type {HTMLCanvasElement} */ (document.getElementById("timeline"));
+      const ctx = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d");
+      if (!ctx) throw new Error("no canvas");
+      ctx.drawImage(canvas, 0, 0);
+      const ratio = canvas.width / canvas.clientWidth;
+      const accent = getComputedStyle(canvas).getPropertyValue("--accent").trim();
+      const wanted = [1, 3, 5].map((at) => parseInt(accent.slice(at, at + 2), 16));
+      // Pixels of the room's colour in the room's lane, so many minutes ago.
+      return [45, 35, 20, 5].map((minutes) => {
+        const column = ctx.getImageData(Math.round(canvas.width * (1 - minutes / 60)), Math.round(16 * ratio), 1, Math.round(40 * ratio)).data;
+        let count = 0;
+        for (let k = 0; k < column.length; k += 4) if (wanted.every((value, c) => column[k + c] === value)) count += 1;
+        return count / ratio;
+      });
+    });
+    assert.deepEqual(heights, [20, 40, 20, 0]);
+  });
+
+  test("is scrubbed by keys, follows the time at its end, and takes in what happens", async (t) => {
+    const { mock, page, now } = await looking(t);
+    const slider = page.getByRole("slider", { name: "Time that is looked at" });
+    await slider.focus();
+    await page.keyboard.press("Home");
+    assert.match((await slider.getAttribute("aria-valuetext")) ?? "", /; Room: not watched; /);
+    await page.keyboard.press("End");
+    await page.locator("#history-when", { hasText: /^Now, / }).waitFor();
+    mock.events.push({ ...mock.events[6], sequence: 7, track: 6, time: new Date(now + 1).toISOString() });
+    await page.locator("#history-who", { hasText: "Room: 2 people (5, 6)" }).waitFor();
+    await page.locator("#history-rows tr", { hasText: "Person 6" }).waitFor();
+  });
+
+  test("exports what is shown as CSV and as JSON", async (t) => {
+    const { mock, page, complaints } = await looking(t);
+    const file = async (/** @type {string} */ name) => {
+      const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name }).click()]);
+      assert.match(download.suggestedFilename(), /^doorcam-events-\d{4}-\d\d-\d\dT\d{6}-\d{4}-\d\d-\d\dT\d{6}\.(csv|json)$/);
+      return readFile(await download.path(), "utf8");
+    };
+    const rows = (await file("Export CSV")).split("\r\n");
+    assert.equal(rows[0], "sequence,kind,time,track,x_m,y_m,zone");
+    assert.equal(rows[1], `0,enter,${mock.events[0].time},3,-0.5,1.25,`);
+    assert.equal(rows[3], `2,zone_enter,${mock.events[2].time},4,-0.5,1.25,"bed, left"`);
+    assert.equal(rows.length, 9);
+    assert.deepEqual(JSON.parse(await file("Export JSON")), mock.events);
+    // Of the last quarter of an hour, only what happened in it.
+    await page.getByLabel("15 min").check({ force: true });
+    await page.locator("#history-count", { hasText: /^3$/ }).waitFor();
+    assert.deepEqual(JSON.parse(await file("Export JSON")).map((/** @type {RoomEvent} */ event) => event.sequence), [4, 5, 6]);
+    assert.deepEqual(complaints, []);
+  });
+
+  test("asks a daemon that keeps a history for the time that is shown", async (t) => {
+    const { mock, page, complaints } = await looking(t, {}, (mock) => {
+      mock.status.history = { kept: true };
+      const span = (/** @type {number} */ id, /** @type {number} */ from, /** @type {number} */ to, /** @type {number} */ people, /** @type {string | null} */ zone = null) =>
+        ({ id, zone, people, from: new Date(Date.now() - from * MINUTE).toISOString(), to: new Date(Date.now() - to * MINUTE).toISOString() });
+      mock.spans = [span(1, 55, 45, 0), span(2, 45, 25, 3), span(3, 90, 70, 1), span(4, 45, 30, 2, "bed, left")];
+    });
+    assert.match(await scrub(page, 40), /Room: 3 people\s+bed, left: 2 people/);
+    assert.match(await scrub(page, 20), /Room: not watched/, "what no span covers");
+    await page.getByRole("button", { name: "Earlier" }).click();
+    await page.locator("#history-who", { hasText: "Room: 3 people" }).waitFor();
+    await page.getByRole("button", { name: "Earlier" }).click();
+    await page.getByRole("button", { name: "Later" }).click();
+    await page.getByRole("button", { name: "Later" }).click();
+    await page.locator("#history-when", { hasText: /^Now, / }).waitFor();
+    assert.ok(mock.requests.some((path) => path.endsWith("/occupancy")));
+    assert.deepEqual(complaints, []);
+  });
+
+  /** @type {[string, BrowserContextOptions][]} */
+  const looks = [
+    ["history-light", { viewport: DESKTOP }],
+    ["history-dark", { viewport: DESKTOP, colorScheme: "dark" }],
+    ["history-phone", { viewport: PHONE, deviceScaleFactor: 2, hasTouch: true }],
+  ];
+  for (const [name, options] of looks) {
+    test(`has no accessibility violation (${name}), and its picture is taken`, async (t) => {
+      const { page } = await looking(t, options);
+      await reaches(page, "stale");
+      await scrub(page, 20);
+      await picture(page, name);
+      assert.deepEqual(await violations(page), []);
+      assert.equal(await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth), 0);
+    });
+  }
+});
