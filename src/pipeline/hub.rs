@@ -392,9 +392,7 @@ impl Hub {
         counters.frames.solved += 1;
         counters.solved.count(published.at);
         drop(counters);
-        self.meters.solved.increment(1);
-        self.meters.watch_is(published.update.state);
-        self.meters.took(&published.update.timing_ms);
+        self.meters.publish(&published.update);
         lock(&self.recent).take(&published.update);
         self.latest.send_replace(Some(Arc::new(published)));
     }

@@ -18,7 +18,7 @@ mod zones;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use axum::Router;
@@ -173,7 +173,7 @@ fn routes(shared: Shared, access: Arc<Access>) -> Router {
         .nest("/api/v1", v1)
         .route("/livez", get(|| async { "alive\n" }))
         .route("/readyz", get(api::readyz))
-        .route("/metrics", get(metrics))
+        .route("/metrics", get(prometheus))
         .fallback(not_found_or_asset)
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
             Problem::method_not_allowed(&format!("{method} is not possible on {}", uri.path()))
@@ -185,7 +185,8 @@ fn routes(shared: Shared, access: Arc<Access>) -> Router {
 }
 
 /// The figures for Prometheus; none unless a recorder was installed.
-async fn metrics(axum::extract::State(shared): axum::extract::State<Shared>) -> axum::response::Response {
+async fn prometheus(axum::extract::State(shared): axum::extract::State<Shared>) -> axum::response::Response {
+    metrics::gauge!("doorcam_clients").set(shared.clients.load(Ordering::Relaxed) as f64);
     let kind = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
     (kind, shared.metrics.as_ref().map(PrometheusHandle::render).unwrap_or_default()).into_response()
 }
