@@ -2,6 +2,7 @@
 
 mod bench;
 mod check_config;
+mod completions;
 mod crb;
 mod demo;
 #[cfg(feature = "v4l2")]
@@ -9,9 +10,12 @@ mod devices;
 mod evaluate;
 mod import;
 mod listening;
+mod log;
+mod man;
 mod reconstruct;
 mod record;
 mod serve;
+mod service;
 mod simulate;
 mod source;
 
@@ -24,7 +28,6 @@ use clap::{Parser, Subcommand};
 use doorcam::config::{Config, Preset, parse_lambda};
 use doorcam::solver::ModelKind;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use tracing_subscriber::EnvFilter;
 
 /// See who moves in the room behind a doorway, from the light that falls on the floor in front of it.
 ///
@@ -39,6 +42,9 @@ Exit status: 0 done; 1 the input or environment is at fault (one line on stderr 
 Logs go to stderr; RUST_LOG=debug shows more."
 )]
 struct Arguments {
+    /// How logs are written on stderr
+    #[arg(long, global = true, value_name = "FORMAT", default_value = "text")]
+    log: log::Format,
     #[command(subcommand)]
     command: Command,
 }
@@ -57,6 +63,8 @@ enum Command {
     Crb(crb::Arguments),
     Bench(bench::Arguments),
     CheckConfig(check_config::Arguments),
+    Completions(completions::Arguments),
+    Man(man::Arguments),
 }
 
 /// Options of every command that reconstructs.
@@ -94,14 +102,7 @@ impl ModelOptions {
 /// Parses the command line, runs what it says and turns an error into one line and a status.
 pub(crate) fn run() -> ExitCode {
     let arguments = Arguments::parse();
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    let colours = std::io::stderr().is_terminal();
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(colours)
-        .with_target(false)
-        .init();
+    log::start(arguments.log);
     let result = match arguments.command {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
@@ -115,6 +116,8 @@ pub(crate) fn run() -> ExitCode {
         Command::Crb(arguments) => crb::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::CheckConfig(arguments) => check_config::run(&arguments),
+        Command::Completions(arguments) => completions::run(&arguments),
+        Command::Man(arguments) => man::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -16,7 +16,7 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use super::listening::ListenOptions;
 use super::source::{self, Simulated, SourceKind, SourceSpec};
-use super::{ModelOptions, engine, engine_of, open_recording, simulate};
+use super::{ModelOptions, engine, engine_of, open_recording, service, simulate};
 
 /// Watch a doorway and show the hidden room live, on a page and over REST and WebSocket
 #[derive(Debug, clap::Args)]
@@ -253,7 +253,10 @@ fn serve(config: &Config, watch: Watch, (access, tls): (Access, Option<Tls>)) ->
         let calibrator = Calibrator::new(setup, keeping, calibration, Arc::clone(&hub), running.control().clone());
         let zones =
             ZoneKeeper::new(config.zones.clone(), zones_file, origin, Arc::clone(&hub), running.control().clone());
-        tracing::info!("watching {spec}: the page is at {}", server.url());
+        let watching = format!("watching {spec}: the page is at {}", server.url());
+        tracing::info!("{watching}");
+        service::ready(&watching);
+        tokio::spawn(service::feed_watchdog(Arc::clone(&hub)));
         server
             .serve(
                 Backend {
@@ -267,6 +270,7 @@ fn serve(config: &Config, watch: Watch, (access, tls): (Access, Option<Tls>)) ->
                 async move {
                     tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }
                     tracing::info!("stopping");
+                    service::stopping();
                 },
             )
             .await;
