@@ -5,7 +5,7 @@ use super::{Model, SetupError};
 use crate::config::{Config, Preset};
 use crate::geometry::Side;
 use crate::measurement::{Calibration, CameraRectifier, Decoding, Filter, LightTable, PatchPair, PatchRectifier};
-use crate::source::image::ImageDecoder;
+use crate::source::image::{ImageDecoder, JpegDepth};
 use crate::source::recording::{Manifest, Transfer};
 use crate::source::{RawFrame, RawImages, SkippedFrame};
 use crate::transport::PatchGrid;
@@ -64,11 +64,12 @@ impl FrameReader {
     }
 
     fn new(config: &Config, transfer: &Transfer, rectifier: Rectifier, patch: PatchGrid) -> Self {
-        let decoding = match config.preset {
-            Some(Preset::Published) => Decoding::Published,
-            None => Decoding::Light(transfer.clone()),
+        // The authors' numbers come from JPEGs of 8 bits.
+        let (decoding, depth) = match config.preset {
+            Some(Preset::Published) => (Decoding::Published, JpegDepth::Eight),
+            None => (Decoding::Light(transfer.clone()), JpegDepth::Exact),
         };
-        Self { decoder: ImageDecoder::default(), table: LightTable::new(&decoding), rectifier, patch }
+        Self { decoder: ImageDecoder::with_jpegs_of(depth), table: LightTable::new(&decoding), rectifier, patch }
     }
 
     /// The patches that it makes.
@@ -108,7 +109,7 @@ impl FrameReader {
             (Rectifier::Camera(camera, rows), images) => {
                 let start = Instant::now();
                 let image = match images {
-                    RawImages::Camera(bytes) => decoder.decode(bytes, Some(camera.image_size())),
+                    RawImages::Camera(bytes) => decoder.decode_rows(bytes, Some(camera.image_size()), rows.clone()),
                     RawImages::Sensor(format, bytes) => decoder.decode_sensor(format, bytes, rows.clone()),
                     RawImages::Patches(_) => {
                         return Err(skipped("a pair of patches, expected a camera's image".into()));
@@ -175,6 +176,31 @@ mod tests {
         for side in Side::BOTH {
             let pairs = from_raw.side(side).data().iter().zip(from_png.side(side).data());
             assert!(pairs.clone().all(|(a, b)| (a - b).abs() < 2e-5 && *a > 0.1));
+        }
+    }
+
+    #[test]
+    fn jpegs_are_measured_exactly_but_by_the_published_preset_with_8_bits() {
+        // A floor of one colour that no 8-bit red, green and blue have.
+        let pixels = [101, 119, 133].repeat(600 * 200);
+        let mut jpeg = Vec::new();
+        let encoder = jpeg_encoder::Encoder::new(&mut jpeg, 100);
+        encoder.encode(&pixels, 600, 200, jpeg_encoder::ColorType::Ycbcr).unwrap();
+        let jpeg = Arc::new(jpeg);
+        let (red, blue) = (101.0 + 1.402 * 5.0, 101.0 - 1.772 * 9.0);
+        let rgb = [red, (101.0 - 0.299 * red - 0.114 * blue) / 0.587, blue];
+
+        for (preset, light) in
+            [(None, rgb.map(|v| v / 255.0)), (Some(Preset::Published), rgb.map(|v: f64| v.round() / 256.0))]
+        {
+            let config = Config::default().with_preset(preset);
+            let mut reader = FrameReader::for_calibration(&config, &calibration()).unwrap();
+            let mut pair = PatchPair::zeros(reader.patch().size);
+            reader.read(&frame(RawImages::Camera(Arc::clone(&jpeg))), &mut pair).unwrap();
+            for (channel, light) in light.into_iter().enumerate() {
+                let plane = pair.side(Side::Left).plane(channel);
+                assert!(plane.iter().all(|&v| (f64::from(v) - light).abs() < 1e-5), "{preset:?} {channel}");
+            }
         }
     }
 

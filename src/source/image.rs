@@ -6,6 +6,7 @@ use std::ops::Range;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 
+pub use super::jpeg::JpegDepth;
 use super::jpeg::JpegReader;
 use super::sensor::{SensorFormat, SensorPixels};
 
@@ -174,11 +175,31 @@ impl Default for ImageDecoder {
 }
 
 impl ImageDecoder {
+    /// One that decodes JPEGs as exactly as that; by default it is for people.
+    pub fn with_jpegs_of(depth: JpegDepth) -> Self {
+        Self { jpeg: JpegReader::new(depth), ..Self::default() }
+    }
+
     /// Decodes a JPEG or PNG. A truncated one is an error, not half an image, and so is one that does not have the size
     /// (width, height) `expected`.
     pub fn decode(&mut self, bytes: &[u8], expected: Option<(usize, usize)>) -> Result<&Image, ImageError> {
+        self.decode_rows(bytes, expected, 0..usize::MAX)
+    }
+
+    /// Decodes at least these rows; the image's other rows may be left over from earlier frames.
+    ///
+    /// An exactly decoded JPEG is not read below the last of the rows. What is noticed then: a missing end, restart markers
+    /// that are missing or in disorder anywhere, data that end before the rows do or that no JPEG can have. What is not: damage
+    /// below the rows, and without restart markers a part that is missing above or among them, which moves what follows up
+    /// and to the left until the data run out at the end.
+    pub fn decode_rows(
+        &mut self,
+        bytes: &[u8],
+        expected: Option<(usize, usize)>,
+        rows: Range<usize>,
+    ) -> Result<&Image, ImageError> {
         match bytes {
-            [0xff, 0xd8, ..] => self.jpeg.decode_into(bytes, expected, &mut self.image)?,
+            [0xff, 0xd8, ..] => self.jpeg.decode_into(bytes, expected, rows, &mut self.image)?,
             [0x89, b'P', b'N', b'G', ..] => self.image = decode_png(bytes, expected)?,
             _ => return Err(ImageError::UnknownFormat),
         }
