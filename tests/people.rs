@@ -13,9 +13,10 @@ fn evaluate(recording: &Path) -> serde_json::Value {
     serde_json::from_str(&doorcam(&["evaluate", "--json", recording.to_str().unwrap()])).unwrap()
 }
 
+/// Figures of a scenario, or of a file in `tests/rooms`.
 fn simulate(scenario: &str, frames: &str) -> serde_json::Value {
     let dir = tempfile::tempdir().unwrap();
-    let out = dir.path().join(scenario);
+    let out = dir.path().join("recording");
     doorcam(&["simulate", scenario, out.to_str().unwrap(), "--frames", frames, "--seed", "5"]);
     evaluate(&out)
 }
@@ -42,6 +43,26 @@ fn two_who_cross_keep_their_tracks() {
     assert!(number(&figures, "ellipse_share") > 0.85, "{figures}");
 }
 
+/// As in the paper, 5.1.3: a cylinder each in red, green, blue and white, here walking.
+#[test]
+fn four_people_at_once_are_followed() {
+    let figures = simulate("four-people", "400");
+    assert!(number(&figures, "mean_error_m") < 0.1, "{figures}");
+    assert!(number(&figures, "missed_share") < 0.05, "{figures}");
+    assert_eq!(figures["false_tracks"], 0, "{figures}");
+    assert!(number(&figures, "ellipse_share") > 0.85, "{figures}");
+}
+
+/// Hardly darker than what is behind, 2 m and more away: the strictest thresholds lose such people first.
+#[test]
+fn somebody_faint_and_far_is_followed() {
+    let room = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/rooms/faint.toml");
+    let figures = simulate(room, "120");
+    assert!(number(&figures, "mean_error_m") < 0.2, "{figures}");
+    assert!(number(&figures, "missed_share") < 0.15, "{figures}");
+    assert_eq!(figures["false_tracks"], 0, "{figures}");
+}
+
 #[test]
 fn nobody_is_followed_in_an_empty_room() {
     let figures = simulate("empty-room", "240");
@@ -57,10 +78,12 @@ fn people_in_rendered_rooms_are_followed() {
         eprintln!("skipped: no {}", rendered.display());
         return;
     }
-    for (name, mean_m, missed) in [("D1", 0.12, 0.05), ("D2", 0.20, 0.10), ("D3", 0.12, 0.10)] {
+    for (name, mean_m, p95_m, missed) in [("D1", 0.12, 0.30, 0.05), ("D2", 0.20, 0.45, 0.10), ("D3", 0.10, 0.30, 0.10)] {
         let figures = evaluate(&rendered.join(name));
         assert!(number(&figures, "mean_error_m") <= mean_m, "{figures}");
+        assert!(number(&figures, "p95_error_m") <= p95_m, "{figures}");
         assert!(number(&figures, "missed_share") <= missed, "{figures}");
+        assert!((0.85..=0.99).contains(&number(&figures, "ellipse_share")), "{figures}");
         assert_eq!((&figures["false_tracks"], &figures["id_switches"]), (&0.into(), &0.into()), "{figures}");
     }
 }
