@@ -1,4 +1,6 @@
 # doorcam in a container: docker build -t doorcam . && docker run --rm -p 127.0.0.1:8080:8080 doorcam
+# A camera: docker run --rm -p 8080:8080 --device /dev/video0 --group-add video -v doorcam:/var/lib/doorcam \
+#   -e DOORCAM_TOKEN=... doorcam doorcam serve --source v4l2:/dev/video0 --listen 0.0.0.0:8080
 FROM rust:1-bookworm AS build
 RUN apt-get update && apt-get install -y --no-install-recommends libclang1 && rm -rf /var/lib/apt/lists/*
 WORKDIR /src
@@ -10,9 +12,15 @@ COPY benches benches
 RUN cargo build --release --locked
 
 FROM debian:bookworm-slim
-RUN useradd --system --no-create-home doorcam
+RUN useradd --system --no-create-home doorcam && install -d -o doorcam -m 700 /var/lib/doorcam
 COPY --from=build /src/target/release/doorcam /usr/local/bin/doorcam
 USER doorcam
 EXPOSE 8080
+# What it keeps between runs: give it a volume.
+ENV STATE_DIRECTORY=/var/lib/doorcam
+VOLUME /var/lib/doorcam
+# Without curl in the image.
+HEALTHCHECK --start-period=30s --interval=30s --timeout=5s CMD ["bash", "-c", \
+  "exec 3<>/dev/tcp/127.0.0.1/8080; printf 'GET /readyz HTTP/1.0\\r\\nHost: localhost\\r\\n\\r\\n' >&3; grep -q '^HTTP/1.. 200' <&3"]
 # Inside a container loopback is nobody else's. The demo shows nobody real; whatever shows a real room takes DOORCAM_TOKEN.
 CMD ["doorcam", "demo", "--listen", "0.0.0.0:8080", "--allow-unauthenticated"]
