@@ -78,7 +78,8 @@ fn people_in_rendered_rooms_are_followed() {
         eprintln!("skipped: no {}", rendered.display());
         return;
     }
-    for (name, mean_m, p95_m, missed) in [("D1", 0.12, 0.30, 0.05), ("D2", 0.20, 0.45, 0.10), ("D3", 0.10, 0.30, 0.10)] {
+    for (name, mean_m, p95_m, missed) in [("D1", 0.12, 0.30, 0.05), ("D2", 0.20, 0.45, 0.10), ("D3", 0.10, 0.30, 0.10)]
+    {
         let figures = evaluate(&rendered.join(name));
         assert!(number(&figures, "mean_error_m") <= mean_m, "{figures}");
         assert!(number(&figures, "p95_error_m") <= p95_m, "{figures}");

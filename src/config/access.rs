@@ -79,13 +79,17 @@ mod tests {
 
     #[test]
     fn hosts_and_origins_that_would_never_match_are_refused() {
-        let hosts = |host: &str| AccessConfig { allowed_hosts: vec![host.into()], ..AccessConfig::default() }.check().is_ok();
+        let hosts =
+            |host: &str| AccessConfig { allowed_hosts: vec![host.into()], ..AccessConfig::default() }.check().is_ok();
         assert!(hosts("door.lan") && hosts("192.168.1.2") && hosts("fe80::1") && hosts("Door"));
         assert!(!hosts("") && !hosts("door.lan:8080") && !hosts("http://door.lan") && !hosts("*"));
-        let origins =
-            |origin: &str| AccessConfig { allowed_origins: vec![origin.into()], ..AccessConfig::default() }.check().is_ok();
+        let origins = |origin: &str| {
+            AccessConfig { allowed_origins: vec![origin.into()], ..AccessConfig::default() }.check().is_ok()
+        };
         assert!(origins("https://door.lan") && origins("http://127.0.0.1:3000") && origins("http://[::1]:3000"));
-        for origin in ["", "*", "null", "door.lan", "https://", "https://door.lan/", "https://Door.lan", "ftp://door.lan"] {
+        for origin in
+            ["", "*", "null", "door.lan", "https://", "https://door.lan/", "https://Door.lan", "ftp://door.lan"]
+        {
             assert!(!origins(origin), "{origin}");
         }
     }

@@ -16,7 +16,9 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>, String> {
     let opened = std::fs::File::open(path).map_err(cannot)?;
     let mode = opened.metadata().map_err(cannot)?.mode() & 0o777;
     if mode & TOO_OPEN != 0 {
-        return Err(format!("{file}: its mode {mode:o} lets others at the secret, expected 600 or 640 (chmod 600 {file})"));
+        return Err(format!(
+            "{file}: its mode {mode:o} lets others at the secret, expected 600 or 640 (chmod 600 {file})"
+        ));
     }
     let mut bytes = Vec::new();
     opened.take(LONGEST + 1).read_to_end(&mut bytes).map_err(cannot)?;

@@ -4,7 +4,9 @@ use crate::client::{Answer, Guarded};
 
 fn assert_strict(answer: &Answer) {
     let policy = answer.header("content-security-policy").expect("a policy");
-    for part in ["default-src 'none'", "script-src 'self'", "frame-ancestors 'none'", "base-uri 'none'", "form-action 'none'"] {
+    for part in
+        ["default-src 'none'", "script-src 'self'", "frame-ancestors 'none'", "base-uri 'none'", "form-action 'none'"]
+    {
         assert!(policy.contains(part), "{part}: {policy}");
     }
     assert!(!policy.contains("unsafe") && !policy.contains('*'), "{policy}");

@@ -74,7 +74,8 @@ fn pages_of_configured_origins_may_ask() {
     assert_eq!((answer.status, answer.header("access-control-allow-origin")), (200, Some("https://dash.example")));
     assert_eq!(answer.header("access-control-allow-credentials"), None);
     assert_eq!(doorcam.upgrade(&[origin, ("Authorization", &bearer(READ))]), 101);
-    let other = doorcam.ask("GET", "/api/v1/status", &[("Origin", "https://evil.example"), ("Authorization", &bearer(READ))]);
+    let other =
+        doorcam.ask("GET", "/api/v1/status", &[("Origin", "https://evil.example"), ("Authorization", &bearer(READ))]);
     assert_eq!(other.header("access-control-allow-origin"), None);
 }
 

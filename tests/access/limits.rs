@@ -11,7 +11,11 @@ fn who_sends_slowly_or_nothing_is_cut_off_and_others_are_served_meanwhile() {
     let address = doorcam.address();
     let begin = Instant::now();
     // Nothing; a head that never ends; a request, then nothing more.
-    let starts = ["", "GET /api/v1/status HTTP/1.1\r\nHost: 127.0.0.1\r\nX-A: ", "GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"];
+    let starts = [
+        "",
+        "GET /api/v1/status HTTP/1.1\r\nHost: 127.0.0.1\r\nX-A: ",
+        "GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n",
+    ];
     let slow: Vec<_> = (0..60)
         .map(|k| {
             let mut stream = connect(address);

@@ -27,7 +27,10 @@ fn report(doorcam: &Guarded, headers: &[(&str, &str)]) -> Value {
 fn a_session_may_do_what_its_token_may_until_it_is_logged_out() {
     let doorcam = Guarded::with_tokens(&[]);
     let outside = report(&doorcam, &[]);
-    assert_eq!((&outside["scope"], &outside["token_needed"], &outside["exposed"]), (&Value::Null, &json!(true), &json!(false)));
+    assert_eq!(
+        (&outside["scope"], &outside["token_needed"], &outside["exposed"]),
+        (&Value::Null, &json!(true), &json!(false))
+    );
 
     let read = log_in(&doorcam, READ, &[]);
     assert_eq!(read.status, 200, "{read:?}");
@@ -110,7 +113,10 @@ fn over_https_the_cookie_stays_there() {
 #[test]
 fn without_tokens_everybody_may_and_the_page_is_told_so() {
     let here = report(&Guarded::start(&[]), &[]);
-    assert_eq!((&here["scope"], &here["token_needed"], &here["exposed"]), (&json!("control"), &json!(false), &json!(false)));
+    assert_eq!(
+        (&here["scope"], &here["token_needed"], &here["exposed"]),
+        (&json!("control"), &json!(false), &json!(false))
+    );
     let exposed = Guarded::start_with("0.0.0.0:0", "", &[], &["--allow-unauthenticated"]);
     assert_eq!(report(&exposed, &[])["exposed"], true);
     let guarded = Guarded::with_tokens(&[]);

@@ -100,7 +100,8 @@ fn a_new_certificate_is_used_without_a_restart_and_a_broken_one_is_not() {
     let directory = tempfile::tempdir().unwrap();
     let old = certify(directory.path());
     let doorcam = start(directory.path(), &[]);
-    let is_used = |certificate| ask(&doorcam, certificate, &get("/livez", "")).is_some_and(|answer| answer.status == 200);
+    let is_used =
+        |certificate| ask(&doorcam, certificate, &get("/livez", "")).is_some_and(|answer| answer.status == 200);
     assert!(is_used(&old));
     let wait_for = |what: &str, is: &dyn Fn() -> bool| {
         let deadline = Instant::now() + Duration::from_secs(60);

@@ -76,7 +76,8 @@ fn a_token_that_others_can_read_or_guess_is_refused() {
         assert_eq!(refusal(&["--token-file", path], &[]), open);
     }
     write_with_mode(&file, "secret\n", 0o600);
-    let short = format!("doorcam: {path} has 6 characters, expected a token of 20 to 256, as from openssl rand -hex 24");
+    let short =
+        format!("doorcam: {path} has 6 characters, expected a token of 20 to 256, as from openssl rand -hex 24");
     assert_eq!(refusal(&["--token-file", path], &[]), short);
     write_with_mode(&file, CONTROL, 0o640);
     let two = "doorcam: DOORCAM_TOKEN and access.token_file (or its option) are both given, expected one of them";

@@ -6,8 +6,8 @@ use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use super::{Access, Peer, session};
 use super::tokens::Scope;
+use super::{Access, Peer, session};
 use crate::server::assets;
 use crate::server::problem::Problem;
 
@@ -126,7 +126,9 @@ mod tests {
         for path in ["/", "/index.html", "/app.js", "/map/map.js", "/livez", "/readyz", "/api/v1/session"] {
             assert_eq!(needed(&Method::GET, path), None, "{path}");
         }
-        for path in ["/metrics", "/api/v1/status", "/api/v1/live", "/livez/", "//api/v1/status", "/api/v1/../", "/new", ""] {
+        for path in
+            ["/metrics", "/api/v1/status", "/api/v1/live", "/livez/", "//api/v1/status", "/api/v1/../", "/new", ""]
+        {
             assert_eq!(needed(&Method::GET, path), Some(Scope::Read), "{path}");
             assert_eq!(needed(&Method::HEAD, path), Some(Scope::Read), "{path}");
             for method in [Method::POST, Method::PUT, Method::DELETE, Method::PATCH, Method::OPTIONS] {

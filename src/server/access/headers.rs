@@ -1,6 +1,6 @@
 use axum::Router;
-use axum::http::header::{self, HeaderName};
 use axum::http::HeaderValue;
+use axum::http::header::{self, HeaderName};
 use tower_http::set_header::SetResponseHeaderLayer;
 
 /// Nothing but the page's own files: no script, style, frame or connection of anybody else's, whatever text gets into the page.

@@ -80,7 +80,9 @@ mod tests {
         for host in ["localhost", "LOCALHOST:8080", "127.0.0.1", "127.0.0.1:9", "[::1]", "[::1]:80", "door.localhost"] {
             assert!(allows(&[], "127.0.0.1:8080", host), "{host}");
         }
-        for host in ["evil.example", "localhost.evil.example", "192.168.1.2:8080", "127.0.0.1.evil.example", "u@localhost"] {
+        for host in
+            ["evil.example", "localhost.evil.example", "192.168.1.2:8080", "127.0.0.1.evil.example", "u@localhost"]
+        {
             assert!(!allows(&[], "127.0.0.1:8080", host), "{host}");
         }
     }

@@ -50,7 +50,9 @@ pub enum AccessError {
     #[error("the token and the read token are the same, expected two different ones")]
     SameTokens,
     /// A token that could be guessed, or is no token.
-    #[error("{place} has {length} characters, expected a token of {shortest} to {longest}, as from openssl rand -hex 24")]
+    #[error(
+        "{place} has {length} characters, expected a token of {shortest} to {longest}, as from openssl rand -hex 24"
+    )]
     Length {
         /// File or variable.
         place: String,

@@ -21,7 +21,8 @@ pub(super) async fn check(State(access): State<Arc<Access>>, request: Request, n
     if stays || is_ours(headers, &access.origins) {
         return next.run(request).await;
     }
-    Problem::new(StatusCode::FORBIDDEN, "pages of other sites may not do this: see access.allowed_origins").into_response()
+    Problem::new(StatusCode::FORBIDDEN, "pages of other sites may not do this: see access.allowed_origins")
+        .into_response()
 }
 
 /// Whether a request comes from the page itself, from a configured origin or from no browser.
@@ -84,15 +85,27 @@ mod tests {
     fn the_page_the_configured_and_what_is_no_browser_are_ours() {
         assert!(ours("127.0.0.1:8080", None, None));
         assert!(ours("127.0.0.1:8080", Some("http://127.0.0.1:8080"), Some("same-origin")));
-        assert!(ours("door.lan", Some("https://door.lan"), None) && ours("door.lan:443", Some("https://door.lan"), None));
-        assert!(ours("door.lan", Some("http://DOOR.lan:80"), None) && ours("[::1]:8080", Some("http://[::1]:8080"), None));
+        assert!(
+            ours("door.lan", Some("https://door.lan"), None) && ours("door.lan:443", Some("https://door.lan"), None)
+        );
+        assert!(
+            ours("door.lan", Some("http://DOOR.lan:80"), None) && ours("[::1]:8080", Some("http://[::1]:8080"), None)
+        );
         assert!(ours("127.0.0.1:8080", Some("https://dash.example"), Some("cross-site")));
         assert!(ours("127.0.0.1:8080", None, Some("none")));
     }
 
     #[test]
     fn pages_of_others_are_not() {
-        for origin in ["http://evil.example", "http://127.0.0.1:8081", "http://127.0.0.1", "null", "", "file://", "ftp://127.0.0.1:8080"] {
+        for origin in [
+            "http://evil.example",
+            "http://127.0.0.1:8081",
+            "http://127.0.0.1",
+            "null",
+            "",
+            "file://",
+            "ftp://127.0.0.1:8080",
+        ] {
             assert!(!ours("127.0.0.1:8080", Some(origin), None), "{origin}");
         }
         assert!(!ours("127.0.0.1:8080", Some("http://dash.example"), None), "another scheme is another origin");

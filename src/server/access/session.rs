@@ -11,8 +11,8 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get};
 use serde::{Deserialize, Serialize};
 
-use super::{Access, Peer};
 use super::tokens::Scope;
+use super::{Access, Peer};
 use crate::server::problem::Problem;
 
 /// Where it is; open to everybody.

@@ -84,7 +84,8 @@ fn load(files: &TlsConfig) -> Result<ServerConfig, TlsError> {
         TlsError(format!("tls.certificate_file: {}: {what}", files.certificate_file.display()))
     };
     let key = |what: &dyn std::fmt::Display| TlsError(format!("tls.key_file: {}: {what}", files.key_file.display()));
-    let chain = std::fs::read(&files.certificate_file).map_err(|e| certificate(&format!("cannot read it: {}", e.kind())))?;
+    let chain =
+        std::fs::read(&files.certificate_file).map_err(|e| certificate(&format!("cannot read it: {}", e.kind())))?;
     let chain = CertificateDer::pem_slice_iter(&chain).collect::<Result<Vec<_>, _>>().map_err(|e| certificate(&e))?;
     if chain.is_empty() {
         return Err(certificate(&"no certificate in it, expected PEM (-----BEGIN CERTIFICATE-----)"));
@@ -101,4 +102,3 @@ fn load(files: &TlsConfig) -> Result<ServerConfig, TlsError> {
     config.alpn_protocols = vec![b"http/1.1".to_vec()];
     Ok(config)
 }
-
