@@ -23,13 +23,15 @@ export function serve(program, recording, ...more) {
     };
     const timer = setTimeout(() => fail("no address logged in time"), START_TIMEOUT_MS);
     child.on("error", (error) => fail(String(error)));
-    child.on("exit", (code) => fail(`ended with status ${code}`));
+    const ended = (/** @type {number | null} */ code) => fail(`ended with status ${code}`);
+    child.on("exit", ended);
     child.stderr?.on("data", (chunk) => {
       log += chunk;
       const address = /http:\/\/127\.0\.0\.1:\d+/.exec(log);
       if (!address) return;
       clearTimeout(timer);
-      child.removeAllListeners("exit");
+      // Its own listener alone: a test may wait for the end, too.
+      child.off("exit", ended);
       resolve({ child, url: `${address[0]}/` });
     });
   });
