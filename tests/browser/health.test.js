@@ -70,7 +70,7 @@ describe("health", () => {
     const latency = async () => Number((await page.locator("#latency").innerText()).replace("–", "NaN"));
     await until(async () => (await latency()) >= 5000, "the latency is known");
     assert.ok((await latency()) < 8000, `five seconds and what drawing takes: ${await latency()}`);
-    await until(async () => / ms; \d{4} ms to \d{4} ms/.test(await says(page, "Latency")), "the latency is charted");
+    await until(async () => /: \d\.\d s; \d\.\d s to \d\.\d s in/.test(await says(page, "Latency")), "the latency is charted");
     // An old picture has none.
     clearInterval(stream);
     await reaches(page, "stale");

@@ -21,7 +21,7 @@ const percent = (value) => `${fixed(value, Math.abs(value) < 10 ? 1 : 0)} %`;
 const signedPercent = (value) => `${value >= 0 ? "+" : ""}${percent(value)}`;
 
 /** @param {number} value */
-const inMs = (value) => `${milliseconds(value)} ms`;
+const inMs = (value) => (value < 1000 ? `${milliseconds(value)} ms` : `${fixed(value / 1000, 1)} s`);
 
 /** @type {ChartKind[]} */
 const KINDS = [
