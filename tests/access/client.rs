@@ -38,7 +38,12 @@ impl Guarded {
         std::fs::write(&file, config).unwrap();
         let source = format!("replay:{},loop", directory.path().display());
         let mut command = doorcam(&["serve", "--source", &source, "--listen", listen, "--config"]);
-        command.arg(file).args(more).envs(environment.iter().copied());
+        command
+            .arg(file)
+            .arg("--storage")
+            .arg(directory.path().join("state"))
+            .args(more)
+            .envs(environment.iter().copied());
         Self { daemon: Daemon::spawn(command), _recording: directory }
     }
 

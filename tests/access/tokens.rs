@@ -6,13 +6,16 @@ use crate::client::{CONTROL, Guarded, READ, bearer, write_with_mode};
 use crate::common::{doorcam, grey_recording, manifest, stderr};
 
 /// Every route that tells something.
-const READS: [&str; 13] = [
+const READS: [&str; 16] = [
     "/metrics",
     "/api/v1/status",
     "/api/v1/geometry",
     "/api/v1/reconstruction",
     "/api/v1/reconstruction.png",
     "/api/v1/difference.png",
+    "/api/v1/patches.png",
+    "/api/v1/signal",
+    "/api/v1/recording",
     "/api/v1/tracks",
     "/api/v1/tracks/1",
     "/api/v1/events",
@@ -23,11 +26,15 @@ const READS: [&str; 13] = [
 ];
 
 /// Every route that changes something.
-const CHANGES: [(&str, &str); 4] = [
+const CHANGES: [(&str, &str); 8] = [
     ("PUT", "/api/v1/calibration"),
     ("POST", "/api/v1/calibration/check"),
     ("POST", "/api/v1/calibration/previous"),
     ("POST", "/api/v1/background/reset"),
+    ("PUT", "/api/v1/zones"),
+    ("DELETE", "/api/v1/zones"),
+    ("POST", "/api/v1/recording"),
+    ("DELETE", "/api/v1/recording"),
 ];
 
 /// The one line with which a start is refused.

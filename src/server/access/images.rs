@@ -5,8 +5,8 @@ use axum::response::{IntoResponse, Response};
 
 use crate::server::problem::Problem;
 
-/// What shows the visible side as the camera sees it.
-const IMAGES: [&str; 2] = ["/api/v1/frame.jpg", "/api/v1/stream.mjpg"];
+/// What shows the visible side as the camera sees it, all of it or the floor.
+const IMAGES: [&str; 3] = ["/api/v1/frame.jpg", "/api/v1/stream.mjpg", "/api/v1/patches.png"];
 
 /// Keeps the camera's pictures to itself.
 pub(super) async fn withhold(request: Request, next: Next) -> Response {
