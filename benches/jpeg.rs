@@ -1,6 +1,7 @@
 //! JPEGs decoded for measuring, beside the 8-bit decoder, in one run: quality 90, one core.
 
 use std::hint::black_box;
+use std::time::{Duration, Instant};
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use doorcam::source::image::{ImageDecoder, JpegDepth};
@@ -38,12 +39,23 @@ fn jpeg(c: &mut Criterion) {
                 return;
             }
             println!("{width} x {height} {name}: {} bytes", bytes.len());
-            for (way, depth, rows) in [
+            let mut ways = [
                 ("8 bits", JpegDepth::Eight, 0..usize::MAX),
                 ("exact", JpegDepth::Exact, 0..usize::MAX),
                 ("exact, the middle third", JpegDepth::Exact, third..2 * third),
-            ] {
-                let mut decoder = ImageDecoder::with_jpegs_of(depth);
+            ]
+            .map(|(way, depth, rows)| (way, ImageDecoder::with_jpegs_of(depth), rows, Duration::MAX));
+            // In turn, the fastest: what else the machine does hits all of them, and none of the fastest.
+            for _ in 0..100 {
+                for (_, decoder, rows, fastest) in &mut ways {
+                    let start = Instant::now();
+                    if decoder.decode_rows(black_box(&bytes), None, rows.clone()).is_ok() {
+                        *fastest = start.elapsed().min(*fastest);
+                    }
+                }
+            }
+            for (way, mut decoder, rows, fastest) in ways {
+                println!("{way}: fastest of 100 in turn {fastest:.2?}");
                 c.bench_function(&format!("{width} x {height} {name} {way}"), |b| {
                     b.iter(|| decoder.decode_rows(black_box(&bytes), None, rows.clone()).is_ok())
                 });
