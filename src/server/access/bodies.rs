@@ -10,8 +10,8 @@ use tokio::time::timeout;
 use super::session;
 use crate::server::problem::Problem;
 
-/// Longest body of a request. A calibration with hundreds of points is a tenth of it.
-const LONGEST: usize = 64 * 1024;
+/// Longest body of a request. A calibration with ten thousand points is still told what is wrong with it.
+const LONGEST: usize = 1024 * 1024;
 /// Longest body of a login, which everybody may send.
 const LONGEST_LOGIN: usize = 1024;
 /// How long the body may take.
