@@ -62,11 +62,11 @@ fn large_requests_are_refused() {
     let doorcam = Guarded::start(&[]);
     let address = doorcam.address();
     for path in ["/api/v1/calibration/check", "/api/v1/background/reset"] {
-        let refused = doorcam.send("POST", path, &[], &" ".repeat(65 * 1024));
+        let refused = doorcam.send("POST", path, &[], &" ".repeat(2049 * 1024));
         assert_eq!(refused.status, 413, "{path}");
         refused.problem();
     }
-    let chunks = format!("{:x}\r\n{}\r\n", 8192, " ".repeat(8192)).repeat(9);
+    let chunks = format!("{:x}\r\n{}\r\n", 8192, " ".repeat(8192)).repeat(257);
     let head = "POST /api/v1/calibration/check HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n";
     assert_eq!(exchange(address, &format!("{head}Transfer-Encoding: chunked\r\n\r\n{chunks}0\r\n\r\n")).status, 413);
     // Many headers, and a long one.

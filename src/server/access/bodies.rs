@@ -11,7 +11,7 @@ use super::session;
 use crate::server::problem::Problem;
 
 /// Longest body of a request. A calibration with ten thousand points is still told what is wrong with it.
-const LONGEST: usize = 1024 * 1024;
+const LONGEST: usize = 2 * 1024 * 1024;
 /// Longest body of a login, which everybody may send.
 const LONGEST_LOGIN: usize = 1024;
 /// How long the body may take.
