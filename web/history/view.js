@@ -105,9 +105,9 @@ export class HistoryView {
   /** @param {-1 | 1} direction */
   #shift(direction) {
     const span = this.to - this.from;
-    // Past the newest there is nothing: then it follows again.
+    // Past the newest there is nothing: then, and shortly before, as time has passed since, it follows again.
     const until = this.to + (direction * span) / 2;
-    this.until = direction > 0 && (this.until === null || until >= Date.now()) ? null : until;
+    this.until = direction > 0 && (this.until === null || until >= Date.now() - span / 4) ? null : until;
     this.#restart();
   }
 
