@@ -47,7 +47,8 @@ impl Exact {
     }
 
     /// Decodes `rows` of the JPEG whose header was read last into `image`, which gets 16 bits a sample: a value v of 0 to 255
-    /// becomes 257 v. The image's other rows keep what they had. Data below the last of the rows are not looked at.
+    /// becomes 257 v. The image's other rows keep what they had. Data below the last of the rows are looked at only where nothing
+    /// else would tell that a part is missing.
     pub fn decode(
         &mut self,
         bytes: &[u8],
@@ -121,7 +122,9 @@ impl WithSimd for Scan<'_> {
         let mut bits = Bits::new(data);
         let mut means = [0_i32; 3];
         let mut units_left = header.restart_interval;
-        for unit_row in 0..wanted.end {
+        // Without restart markers only the end tells that a part is missing: what is behind it has moved up.
+        let read = if header.restart_interval > 0 { wanted.end } else { down };
+        for unit_row in 0..read {
             let show = wanted.contains(&unit_row);
             for unit_column in 0..across {
                 if header.restart_interval > 0 {
