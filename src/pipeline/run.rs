@@ -126,7 +126,6 @@ fn ended(state: SourceState, reason: Option<String>) -> Condition {
 }
 
 fn capture(mut source: Box<dyn Source>, mailbox: &Mailbox<Captured>, hub: &Hub) {
-    let lossless = source.lossless();
     while let Some(next) = source.next() {
         if mailbox.is_closed() {
             return;
@@ -136,7 +135,7 @@ fn capture(mut source: Box<dyn Source>, mailbox: &Mailbox<Captured>, hub: &Hub) 
                 let time = frame.time.unwrap_or_else(Timestamp::now);
                 hub.captured(&frame, time);
                 let captured = Captured { frame, time };
-                if lossless {
+                if source.lossless() {
                     if !mailbox.put_after(captured) {
                         return;
                     }

@@ -2,12 +2,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::recording::{Entry, Files, Recording};
-use super::{Clock, RawFrame, RawImages, SkippedFrame, Source, SourceEvent};
+use super::{Clock, Purpose, RawFrame, RawImages, SkippedFrame, Source, SourceEvent};
 
 /// How fast a recording is replayed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
-    /// At the times of the recording.
+    /// At the times of the recording, but for frames of the empty room at its beginning: the first time, they come as fast as they
+    /// can be learned.
     Recorded,
     /// As fast as the frames can be solved, every one of them.
     Max,
@@ -28,15 +29,19 @@ pub struct Replay<C> {
     options: ReplayOptions,
     clock: C,
     next: usize,
-    /// When, on the clock, this round's time zero is.
+    /// When, on the clock, this round's frame at `begin_s` is due.
     round_start: Duration,
+    /// Seconds from the first frame to the first one that is waited for.
+    begin_s: f64,
+    /// Whether all frames so far were of the empty room: nobody needs to wait for what is only learned.
+    learning: bool,
 }
 
 impl<C: Clock> Replay<C> {
     /// Starts at the first frame, now.
     pub fn new(recording: Arc<Recording>, options: ReplayOptions, clock: C) -> Self {
         let round_start = clock.now();
-        Self { recording, options, clock, next: 0, round_start }
+        Self { recording, options, clock, next: 0, round_start, begin_s: 0.0, learning: true }
     }
 
     /// Time from the first frame to one period after the last.
@@ -54,21 +59,26 @@ impl<C: Clock> Source for Replay<C> {
                 return None;
             }
             self.next = 0;
-            self.round_start += Duration::from_secs_f64(self.round_length());
+            self.round_start += Duration::from_secs_f64((self.round_length() - self.begin_s).max(0.0));
+            self.begin_s = 0.0;
         }
         let entry = &self.recording.frames[self.next];
         self.next += 1;
         let first = self.recording.frames[0].seconds;
         let offset = (entry.seconds - first).max(0.0);
         let frame = load(&self.recording, entry);
-        if self.options.pace == Pace::Recorded {
-            self.clock.wait_until(self.round_start + Duration::from_secs_f64(offset));
+        if self.learning && self.recording.purpose(entry.index) != Purpose::Background {
+            self.learning = false;
+            (self.round_start, self.begin_s) = (self.clock.now(), offset);
+        }
+        if self.options.pace == Pace::Recorded && !self.learning {
+            self.clock.wait_until(self.round_start + Duration::from_secs_f64((offset - self.begin_s).max(0.0)));
         }
         Some(frame.map_or_else(SourceEvent::Skipped, SourceEvent::Frame))
     }
 
     fn lossless(&self) -> bool {
-        self.options.pace == Pace::Max
+        self.options.pace == Pace::Max || self.learning
     }
 }
 
@@ -97,7 +107,7 @@ pub fn load(recording: &Recording, entry: &Entry) -> Result<RawFrame, SkippedFra
 
 #[cfg(test)]
 mod tests {
-    use super::super::{ManualClock, Purpose};
+    use super::super::ManualClock;
     use super::*;
 
     fn recording() -> (tempfile::TempDir, Arc<Recording>) {
@@ -137,10 +147,11 @@ mod tests {
             seen,
             [
                 (0, Ok((Some(0), Purpose::Background))),
-                (250, missing.clone()),
-                (500, Ok((Some(2), Purpose::Watch))),
-                (750, Ok((Some(0), Purpose::Background))),
-                (1000, missing),
+                // What is learned is not waited for, and the recording's time goes on from there.
+                (0, missing.clone()),
+                (250, Ok((Some(2), Purpose::Watch))),
+                (500, Ok((Some(0), Purpose::Background))),
+                (750, missing),
             ]
         );
     }
@@ -149,13 +160,15 @@ mod tests {
     fn a_late_reader_is_not_made_later() {
         let (_dir, recording) = recording();
         let clock = ManualClock::default();
-        let mut replay = Replay::new(recording, ReplayOptions { pace: Pace::Recorded, looped: false }, clock.clone());
+        let mut replay = Replay::new(recording, ReplayOptions { pace: Pace::Recorded, looped: true }, clock.clone());
+        replay.next();
+        // The first one that is not only learned.
         replay.next();
         clock.advance(Duration::from_millis(400));
         replay.next();
         assert_eq!(clock.now().as_millis(), 400);
+        // The next round goes on at the recording's times.
         replay.next();
         assert_eq!(clock.now().as_millis(), 500);
-        assert!(replay.next().is_none());
     }
 }
