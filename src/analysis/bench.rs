@@ -240,7 +240,7 @@ fn published_iteration(
         _ => Lambda::PUBLISHED,
     };
     let nuisance = Nuisance::constant(model.patch.pixels());
-    let projection = Projection::new(&model.transport, &Pixels::uniform(&model.counted), &nuisance, Columns::Radiance);
+    let projection = Projection::new(&model.matrices(), &Pixels::uniform(&model.counted), &nuisance, Columns::Radiance);
     let mut correlations = projection.correlations();
     let (mut pair, mut difference) = (PatchPair::zeros(model.patch.size), PatchPair::zeros(model.patch.size));
     let mut times = Vec::new();

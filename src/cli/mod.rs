@@ -12,6 +12,7 @@ mod import;
 mod listening;
 mod log;
 mod man;
+mod memory;
 mod reconstruct;
 mod record;
 mod serve;
@@ -104,8 +105,14 @@ pub(crate) fn run() -> ExitCode {
     let arguments = Arguments::parse();
     log::start(arguments.log);
     let result = match arguments.command {
-        Command::Demo(arguments) => demo::run(&arguments),
-        Command::Serve(arguments) => serve::run(&arguments),
+        Command::Demo(arguments) => {
+            memory::hand_back();
+            demo::run(&arguments)
+        }
+        Command::Serve(arguments) => {
+            memory::hand_back();
+            serve::run(&arguments)
+        }
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Record(arguments) => record::run(&arguments),

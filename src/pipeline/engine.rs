@@ -3,14 +3,14 @@ use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
 
-use super::background::{BackgroundStore, Keeper, KeeperError, Seen, Spaced, Work};
+use super::background::{BackgroundStore, Job, Keeper, KeeperError, Seen, Spaced, Work};
 use super::hub::{Published, Watched};
 use super::people::People;
 use super::{FrameReader, ReadTimes, Reconstruction, Reconstructor, State, Timing, Update};
 use crate::config::{AveragingConfig, BackgroundConfig};
 use crate::measurement::{Averager, Averaging, PatchPair};
 use crate::scene::Brightness;
-use crate::solver::Audit;
+use crate::solver::{Audit, ModelKind};
 use crate::source::{Purpose, RawFrame, SkippedFrame};
 use crate::tracking::{Detection, Zone};
 
@@ -114,6 +114,13 @@ impl Engine {
         if let Some(store) = &mut store {
             // Averaged frames have another noise.
             store.add(&format!("{:?}", self.averager.kind()));
+        }
+        if work == Work::Aside && self.people.is_some() && self.reconstructor.model().kind == ModelKind::Signed {
+            // Finding people takes this, and there is time for it while the empty room is being learned. Whoever wants it first waits.
+            let model = Arc::clone(self.reconstructor.model());
+            Job::start(work, "bodies", move || {
+                model.bodies();
+            });
         }
         let apart_s = self.averager.independent_s();
         let keeper = Keeper::new(config, store, work, apart_s, &mut self.reconstructor);

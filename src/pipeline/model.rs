@@ -59,8 +59,8 @@ pub struct Model {
     pub grid: FacetGrid,
     /// The floor patches.
     pub patch: PatchGrid,
-    /// A_L and A_R.
-    pub transport: Transport,
+    /// What A_L and A_R are worked out by.
+    pub transport: TransportSpec,
     /// Per side, the pixels that count: seen, and not at the foot of the edge.
     pub counted: [Vec<bool>; 2],
     /// Which changes a facet may show.
@@ -127,7 +127,6 @@ impl Model {
         }
         let spec =
             TransportSpec { kernel: config.transport.kernel, facet_height_m: config.transport.facet_height_m, patch };
-        let transport = Transport::new(&doorway, &grid.facets, &spec);
         let neighbourhood = Neighbourhood::new(&doorway, &grid, config.grid.angular_step_deg.to_radians());
         Ok(Self {
             neighbourhood,
@@ -136,7 +135,7 @@ impl Model {
             bodies: OnceLock::new(),
             doorway,
             patch,
-            transport,
+            transport: spec,
             counted,
             kind: config.solver.model,
             lambda: config.solver.lambda,
@@ -148,6 +147,11 @@ impl Model {
             preset: config.preset,
             grid,
         })
+    }
+
+    /// A_L and A_R. Worked out anew each time: they are by far the largest thing here, and only wanted while a problem is set up.
+    pub fn matrices(&self) -> Transport {
+        Transport::new(&self.doorway, &self.grid.facets, &self.transport)
     }
 
     /// What people anywhere in the room do to the patches. Worked out when it is first asked for.

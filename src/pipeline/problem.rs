@@ -12,6 +12,7 @@ use crate::geometry::Side;
 use crate::measurement::{Background, Floor, NoiseModel, PatchPair, Sensing, drift_patterns};
 use crate::solver::{Admissible, Columns, Correlations, ModelKind, Nuisance, Pixels, Projection, Solver};
 use crate::tracking::likelihood::{Finder, Likelihood, LikelihoodSpec};
+use crate::transport::Transport;
 
 /// The inverse problem for one background: built when the empty room is known, used for every frame after.
 #[derive(Debug, Clone)]
@@ -70,7 +71,7 @@ impl Problem {
     fn published(model: &Model) -> Self {
         let nuisance = Nuisance::constant(model.patch.pixels());
         let projection =
-            Projection::new(&model.transport, &Pixels::uniform(&model.counted), &nuisance, Columns::Radiance);
+            Projection::new(&model.matrices(), &Pixels::uniform(&model.counted), &nuisance, Columns::Radiance);
         let kinds = model.grid.foreground.iter();
         let kinds = kinds.map(|&f| if f { Admissible::Brighter } else { Admissible::EitherSign }).collect();
         let lambda = match model.lambda {
@@ -96,19 +97,23 @@ impl Problem {
         let weights = weights(model, background.mean(), noise);
         let floors = floors(background.mean(), &weights);
         let albedo_noise = albedo_noise(background, noise);
-        let projection = signed_projection(model, background.mean(), &frames, &weights, &floors);
+        let transport = model.matrices();
+        let projection = signed_projection(&transport, background.mean(), &frames, &weights, &floors);
         let solver = signed_solver(&projection);
         let penalty = match model.lambda {
             Lambda::Fixed(lambda) => Penalty::Fixed(lambda),
             Lambda::Auto => {
-                let coloured = noise_colour(model, &frames).unwrap_or(COLOURED);
+                let coloured = noise_colour(model, &transport, &frames).unwrap_or(COLOURED);
                 let noise =
                     model.lambda_factor * coloured * white_noise_reach(&projection, &solver).exceeded_in_one_of(FRAMES);
-                let texture = texture_reach(model, &floors, &weights, albedo_noise, &projection, &solver)
-                    .map(|maxima| model.lambda_factor * Reach::of(&maxima).exceeded_in_one_of(FLOORS));
+                let texture =
+                    texture_reach(&transport, model.patch.size, &floors, &weights, albedo_noise, &projection, &solver)
+                        .map(|maxima| model.lambda_factor * Reach::of(&maxima).exceeded_in_one_of(FLOORS));
                 Penalty::Adaptive { noise, texture, share: model.lambda_share }
             }
         };
+        // Large, and not needed any more: others come next.
+        drop(transport);
         let values = 3 * weights.iter().flatten().filter(|&&w| w > 0.0).count();
         let finder = finder(model, background.mean(), &frames, &weights, &floors);
         let sensing = Some(Arc::new(Sensing { still: background.mean().clone(), weights }));
@@ -184,7 +189,7 @@ fn floors(empty: &PatchPair, weights: &[Vec<f64>; 2]) -> [Floor; 2] {
 
 /// The projection for differences from `empty`, which the frames are of.
 fn signed_projection(
-    model: &Model,
+    transport: &Transport,
     empty: &PatchPair,
     frames: &[&PatchPair],
     weights: &[Vec<f64>; 2],
@@ -203,7 +208,7 @@ fn signed_projection(
     let [left, right] = gains;
     let nuisance = Nuisance::new([[left, left_drift].concat(), [right, right_drift].concat()]);
     let nuisance = nuisance.with_own_pictures(empty.clone());
-    Projection::new(&model.transport, &Pixels { weights: weights.clone(), albedo }, &nuisance, Columns::UnitNorm)
+    Projection::new(transport, &Pixels { weights: weights.clone(), albedo }, &nuisance, Columns::UnitNorm)
 }
 
 /// What finds people in differences from `empty`, which the frames are of.
@@ -277,7 +282,7 @@ fn white_noise_reach(projection: &Projection, solver: &Solver) -> Reach {
 /// if only they were known, and the frames between, which had no say in it, are looked at. None with too few frames.
 ///
 /// Built from half the frames, the background is noisier than the one in use; the measure errs on the safe side.
-fn noise_colour(model: &Model, frames: &[&PatchPair]) -> Option<f64> {
+fn noise_colour(model: &Model, transport: &Transport, frames: &[&PatchPair]) -> Option<f64> {
     if frames.len() < ENOUGH {
         return None;
     }
@@ -287,7 +292,7 @@ fn noise_colour(model: &Model, frames: &[&PatchPair]) -> Option<f64> {
     let noise = noise(model, &known, background.frames())?;
     let weights = weights(model, background.mean(), noise);
     let floors = floors(background.mean(), &weights);
-    let projection = signed_projection(model, background.mean(), &known, &weights, &floors);
+    let projection = signed_projection(transport, background.mean(), &known, &weights, &floors);
     let solver = signed_solver(&projection);
     let mut difference = PatchPair::zeros(known[0].left.size());
     let mut correlations = projection.correlations();

@@ -4,10 +4,10 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-use super::Model;
 use crate::geometry::Side;
 use crate::measurement::{Floor, Patch, light_window, texture_strength};
 use crate::solver::{Correlations, Projection, Solver};
+use crate::transport::Transport;
 
 /// Floors that are drawn.
 const DRAWS: usize = 32;
@@ -22,7 +22,8 @@ const DRAWS: usize = 32;
 /// photographed in the light of the real one, has its albedo estimated from the photograph as the real one had, and is then
 /// given even light. `noise` is what the albedo's own noise adds to the texture that shows in it, as a standard deviation.
 pub(super) fn texture_reach(
-    model: &Model,
+    transport: &Transport,
+    size: usize,
     floors: &[Floor; 2],
     weights: &[Vec<f64>; 2],
     noise: f64,
@@ -30,14 +31,14 @@ pub(super) fn texture_reach(
     solver: &Solver,
 ) -> [Vec<f64>; 2] {
     [0, 1].map(|s| {
-        let (weights, transport) = (&weights[s], model.transport.side(Side::BOTH[s]));
+        let (weights, transport) = (&weights[s], transport.side(Side::BOTH[s]));
         let counted: Vec<bool> = weights.iter().map(|&w| w > 0.0).collect();
-        let seen = texture_strength(&floors[s].albedo, &counted, model.patch.size);
+        let seen = texture_strength(&floors[s].albedo, &counted, size);
         let strength = (seen * seen - noise * noise).max(0.0).sqrt();
         if strength == 0.0 {
             return Vec::new();
         }
-        let light = light_without_texture(&floors[s], &counted, strength, model.patch.size);
+        let light = light_without_texture(&floors[s], &counted, strength, size);
         let reach = |draw: usize| {
             let mut random = ChaCha8Rng::seed_from_u64(2);
             random.set_stream((2 * draw + s) as u64);

@@ -12,7 +12,7 @@ pub enum Work {
 
 /// Work under way.
 #[derive(Debug)]
-pub(super) enum Job<T> {
+pub(in crate::pipeline) enum Job<T> {
     /// On its thread.
     Running(JoinHandle<T>),
     /// Done already.

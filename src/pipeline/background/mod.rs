@@ -7,6 +7,7 @@ mod light;
 mod spaced;
 mod store;
 
+pub(super) use job::Job;
 pub use job::Work;
 pub(super) use keeper::{Keeper, KeeperError, Seen};
 pub(super) use spaced::Spaced;
