@@ -15,9 +15,11 @@ pub use camera::{CameraConfig, StorageConfig};
 use serde::{Deserialize, Serialize};
 pub use tls::TlsConfig;
 pub use tracking::{TrackerConfig, check_zones};
+use utoipa::ToSchema;
 
 use crate::geometry::{GridSpec, Point, Room};
 use crate::scene::Brightness;
+use crate::schema;
 use crate::solver::ModelKind;
 use crate::tracking::Zone;
 use crate::transport::Kernel;
@@ -28,7 +30,7 @@ use crate::transport::Kernel;
 pub struct ConfigError(String);
 
 /// Everything that can be configured.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// Where doorcam listens.
@@ -67,10 +69,11 @@ pub struct Config {
 }
 
 /// `[server]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ServerConfig {
     /// Address and port.
+    #[schema(value_type = String)]
     pub listen: SocketAddr,
     /// Connections that are open at once at most.
     pub max_connections: usize,
@@ -95,7 +98,7 @@ impl Default for Room {
 }
 
 /// `[grid]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct GridConfig {
     /// Width of the grid's cells in α1 and α2; 180 must be a whole number of steps.
@@ -121,7 +124,7 @@ impl Default for GridConfig {
 }
 
 /// `[patch]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PatchConfig {
     /// Side of the square of floor that is used; less if a recording shows less.
@@ -133,12 +136,14 @@ pub struct PatchConfig {
 }
 
 /// A rectangle of floor, sides along the door frame's axes.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rectangle {
     /// One corner: (x, y) in the door frame, in metres.
+    #[schema(value_type = schema::Point)]
     pub from_m: Point,
     /// The opposite corner.
+    #[schema(value_type = schema::Point)]
     pub to_m: Point,
 }
 
@@ -159,7 +164,7 @@ impl Default for PatchConfig {
 }
 
 /// `[transport]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TransportConfig {
     /// Falloff law.
@@ -175,12 +180,13 @@ impl Default for TransportConfig {
 }
 
 /// `[solver]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolverConfig {
     /// Which changes a facet may show.
     pub model: ModelKind,
     /// Weight of the penalty in eq. 13.
+    #[schema(value_type = schema::NumberOrWord)]
     pub lambda: Lambda,
     /// Automatic λ: times what the empty room's noise reaches in one frame of a thousand.
     pub lambda_factor: f64,
@@ -241,7 +247,7 @@ impl TryFrom<LambdaText> for Lambda {
 }
 
 /// `[scene]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SceneConfig {
     /// t of eq. 15, relative to the largest |c|.
@@ -257,7 +263,7 @@ impl Default for SceneConfig {
 }
 
 /// A named set of values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
     /// The authors' program: its grid, kernel, 0.15 m patches, preprocessing, λ and the brightness of its figures.
@@ -297,6 +303,11 @@ impl Config {
         }
         self.preset = preset;
         self
+    }
+
+    /// As others may see it: without secrets. There are none yet; who adds one leaves it out here.
+    pub fn redacted(&self) -> Self {
+        self.clone()
     }
 
     /// The grid that `[room]` and `[grid]` describe.

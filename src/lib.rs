@@ -18,6 +18,7 @@ pub mod measurement;
 pub mod pipeline;
 pub mod render;
 pub mod scene;
+mod schema;
 pub mod server;
 pub mod simulation;
 pub mod solver;

@@ -263,6 +263,7 @@ fn serve(config: &Config, watch: Watch, (access, tls): (Access, Option<Tls>)) ->
                     hub,
                     control: running.control().clone(),
                     calibrator,
+                    config: config.clone(),
                     recordings: Arc::clone(&recordings),
                     zones,
                     metrics,

@@ -4,16 +4,19 @@ use std::net::IpAddr;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use super::{ConfigError, within};
 
 /// `[access]`. Tokens themselves never stand in a configuration, so that it can be shown to anybody.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct AccessConfig {
     /// File with the token that lets its holder see and change everything; empty: none.
+    #[schema(value_type = String)]
     pub token_file: PathBuf,
     /// File with the token that lets its holder see everything; empty: none.
+    #[schema(value_type = String)]
     pub read_token_file: PathBuf,
     /// Whether to listen on an address that others can reach without any token.
     pub allow_unauthenticated: bool,

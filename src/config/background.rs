@@ -1,12 +1,13 @@
 //! `[background]` and `[averaging]`: how the empty room is learned and followed, and how frames are averaged in time.
 
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use super::{ConfigError, within};
 use crate::measurement::Averaging;
 
 /// `[background]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct BackgroundConfig {
     /// Seconds for which the room must be still to be learned at the start.
@@ -62,7 +63,7 @@ impl BackgroundConfig {
 }
 
 /// `[averaging]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct AveragingConfig {
     /// How.

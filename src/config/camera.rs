@@ -4,16 +4,19 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use super::{ConfigError, within};
+use crate::schema;
 use crate::source::camera::{CameraOptions, ControlSettings, PixelFormat, Setting, Wish};
 use crate::source::recording::{Lens, Transfer};
 
 /// `[storage]`
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct StorageConfig {
     /// Directory of the calibration, the learned background, drawn zones and recordings; empty for the usual place.
+    #[schema(value_type = String)]
     pub directory: PathBuf,
 }
 
@@ -32,30 +35,37 @@ impl StorageConfig {
 }
 
 /// `[camera]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CameraConfig {
     /// Width and height; a calibration's own size goes before it.
+    #[schema(value_type = schema::Size)]
     pub size: [u32; 2],
     /// Frames a second.
     pub fps: f64,
     /// Pixel formats, the preferred one first.
     pub formats: Vec<PixelFormat>,
     /// Exposure time, in units of 100 µs.
+    #[schema(value_type = schema::NumberOrWord)]
     pub exposure: Setting,
     /// Gain, in the driver's units.
+    #[schema(value_type = schema::NumberOrWord)]
     pub gain: Setting,
     /// White balance, in kelvin.
+    #[schema(value_type = schema::NumberOrWord)]
     pub white_balance: Setting,
     /// Focus, in the driver's units.
+    #[schema(value_type = schema::NumberOrWord)]
     pub focus: Setting,
     /// 0 off, 1 50 Hz, 2 60 Hz.
+    #[schema(value_type = schema::NumberOrWord)]
     pub power_line: Setting,
     /// How long automatics run before they are locked.
     pub settle_s: f64,
     /// How the camera encodes light.
     pub transfer: Transfer,
     /// k1 and k2 of the lens.
+    #[schema(value_type = schema::Pair)]
     pub distortion: [f64; 2],
     /// Focal length that goes with `distortion`, in pixels; 0: the width of the image.
     pub focal_px: f64,

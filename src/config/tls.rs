@@ -3,16 +3,19 @@
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use super::ConfigError;
 
 /// `[tls]`
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TlsConfig {
     /// PEM file with the certificate and those that vouch for it; empty: no TLS.
+    #[schema(value_type = String)]
     pub certificate_file: PathBuf,
     /// PEM file with its private key.
+    #[schema(value_type = String)]
     pub key_file: PathBuf,
 }
 

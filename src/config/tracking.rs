@@ -1,6 +1,7 @@
 //! `[tracker]` and `[[zones]]`: how people are followed, and the parts of the room that have names.
 
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use super::{ConfigError, within};
 use crate::geometry::Room;
@@ -13,7 +14,7 @@ const MOST_ZONES: usize = 32;
 const LONGEST_NAME: usize = 40;
 
 /// `[tracker]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrackerConfig {
     /// Seconds for which somebody must be seen to be confirmed.

@@ -1,4 +1,5 @@
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use super::{GeometryError, Point};
 
@@ -26,7 +27,7 @@ impl Side {
 }
 
 /// The opening: the wall fills -T <= y <= 0, the opening is |x| < W/2.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Doorway {
     /// Width W of the opening, in metres.

@@ -1,9 +1,10 @@
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use super::{Biangular, Doorway, GeometryError, Point};
 
 /// The hidden room that the map covers: |x| <= `half_width_m`, 0 <= y <= `depth_m`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Room {
     /// Half of the room's width, in metres.

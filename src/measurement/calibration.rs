@@ -1,15 +1,19 @@
 //! What fixes a camera over a doorway.
 
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use super::{Camera, FloorFit, HomographyError, LensError, LensMap};
 use crate::geometry::{Doorway, GeometryError};
+use crate::schema;
 use crate::source::recording::{FloorPoint, Layout, Lens, Manifest, Transfer, TransferError};
 
 /// A camera over a doorway, with the keys of a recording's manifest. Keys that it does not know are ignored.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Calibration {
     /// Width and height of the camera's images, in pixels.
+    #[serde(deserialize_with = "schema::whole")]
+    #[schema(value_type = schema::Size)]
     pub size: [usize; 2],
     /// The doorway.
     pub doorway: Doorway,

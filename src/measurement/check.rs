@@ -1,14 +1,16 @@
 //! What a page needs while someone calibrates: everything that is wrong, and what the camera would be.
 
 use serde::Serialize;
+use utoipa::ToSchema;
 
 use super::footprint::seen_whole;
 use super::{ASSUMED_NOISE_PX, Accuracy, Calibration, FloorFit, Overlay};
 use crate::geometry::{Doorway, Point, Side};
+use crate::schema;
 use crate::transport::PatchGrid;
 
 /// What is to be said about a [`Calibration`], finished or not. As much of it is there as can be.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, ToSchema)]
 pub struct Check {
     /// Whether it can be used.
     pub ok: bool,
@@ -17,6 +19,7 @@ pub struct Check {
     /// How far off each floor point is; empty without a camera that fits.
     pub points: Vec<PointResidual>,
     /// The points' errors and what they do; none without a camera that fits.
+    #[schema(required)]
     pub error: Option<PointErrors>,
     /// The floor's lines in the image; all of them empty without a camera that fits.
     pub overlay: Overlay,
@@ -25,17 +28,19 @@ pub struct Check {
 }
 
 /// How far off a floor point is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
 pub struct PointResidual {
     /// Where it is marked minus where the camera sees it: (u, v), in pixels.
+    #[schema(value_type = schema::Pair)]
     pub residual_px: Point,
     /// Where on the floor the camera sees the marked pixel minus where the point is: (x, y), in millimetres; none if the
     /// marked pixel is not on the floor at all.
+    #[schema(value_type = Option<schema::Pair>, required)]
     pub residual_mm: Option<Point>,
 }
 
 /// The floor points' errors and what they do.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
 pub struct PointErrors {
     /// Root of the mean square of the points' distances in the image, in pixels.
     pub rms_px: f64,
@@ -43,15 +48,18 @@ pub struct PointErrors {
     pub rms_mm: f64,
     /// Standard deviation, per coordinate, with which points seem to be marked, in pixels: their residuals over the 2n − 8
     /// of them that the camera does not explain away. None with four points; then [`ASSUMED_NOISE_PX`] is taken instead.
+    #[schema(required)]
     pub noise_px: Option<f64>,
     /// Root of the mean square error to expect of where the patches' pixels are on the floor, in millimetres.
+    #[schema(required)]
     pub floor_mm: Option<f64>,
     /// The same for the angles around the edges at which they are seen, in degrees, but for the pixels at the edges' feet.
+    #[schema(required)]
     pub angle_deg: Option<f64>,
 }
 
 /// Share of each patch, 0 to 1, that the image shows.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, ToSchema)]
 pub struct Seen {
     /// The patch at the left edge.
     pub left: f64,

@@ -1,31 +1,38 @@
 //! The doorway's floor as lines in the camera's image, to be drawn over it.
 
 use serde::Serialize;
+use utoipa::ToSchema;
 
 use super::Camera;
 use crate::geometry::{Doorway, Point, Side};
+use crate::schema;
 use crate::transport::PatchGrid;
 
 /// Floor lines as the camera sees them, its lens's distortion included: image positions in pixels, (0, 0) the centre of the
 /// top-left pixel. What is not in front of the camera, or far beside its image, is left out.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, ToSchema)]
 pub struct Overlay {
     /// The feet of the left and of the right edge, on the wall's visible face; none if not in front of the camera.
+    #[schema(value_type = Vec<Option<schema::Pixel>>, min_items = 2, max_items = 2)]
     pub edges: [Option<Point>; 2],
     /// The line between them.
+    #[schema(value_type = Vec<schema::Pixel>)]
     pub door_line: Vec<Point>,
     /// The patches' outlines, from the wall's corner with the smallest x on; the last point joins the first.
     pub patches: Outlines,
     /// Lines every 0.1 m: along x from the wall on, along y from the middle of the door on.
+    #[schema(value_type = Vec<Vec<schema::Pixel>>)]
     pub grid: Vec<Vec<Point>>,
 }
 
 /// A line for each patch.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, ToSchema)]
 pub struct Outlines {
     /// At the left edge.
+    #[schema(value_type = Vec<schema::Pixel>)]
     pub left: Vec<Point>,
     /// At the right edge.
+    #[schema(value_type = Vec<schema::Pixel>)]
     pub right: Vec<Point>,
 }
 

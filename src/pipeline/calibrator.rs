@@ -3,10 +3,12 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde::Serialize;
+use utoipa::ToSchema;
 
 use super::calibration_store::{CalibrationStore, StoreError};
 use super::{Command, Control, Engine, Hub, Setup, SetupError};
 use crate::measurement::{Calibration, Check};
+use crate::schema;
 
 /// Where the calibration of a run is kept, if it may be changed at all.
 #[derive(Debug)]
@@ -31,18 +33,22 @@ struct State {
     revision: u32,
 }
 
-/// GET /api/v1/calibration.
-#[derive(Debug, Serialize)]
+/// The calibration in use and what can be done with it.
+#[derive(Debug, Serialize, ToSchema)]
 pub struct CalibrationReport {
     /// Whether it can be changed.
     pub editable: bool,
     /// Why not.
+    #[schema(required)]
     pub reason: Option<String>,
     /// What the camera gives now: width and height in pixels; none before its first frame.
+    #[schema(value_type = Option<schema::Size>, required)]
     pub size: Option<[usize; 2]>,
     /// The one in use; none yet.
+    #[schema(required)]
     pub calibration: Option<Calibration>,
     /// What it is worth.
+    #[schema(required)]
     pub check: Option<Check>,
     /// Whether the one before is kept.
     pub previous: bool,

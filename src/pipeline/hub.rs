@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use jiff::Timestamp;
 use serde::Serialize;
 use tokio::sync::watch;
+use utoipa::ToSchema;
 
 use super::meters::Meters;
 use super::recent::Recent;
@@ -13,6 +14,7 @@ use super::{BackgroundReport, EventPage, Model, State, TrackHistory, Update};
 use crate::config::{Config, Preset, TrackerConfig};
 use crate::measurement::{PatchPair, Sensing};
 use crate::scene::Scene;
+use crate::solver::ModelKind;
 use crate::source::recorder::RecordingStatus;
 use crate::source::{Condition, Granted, RawFrame, RawImages, SourceState};
 use crate::tracking::{Detection, Zone};
@@ -81,7 +83,7 @@ pub struct Seen {
 /// Hands updates and status from the frame loop to everyone who asks.
 pub struct Hub {
     watched: Mutex<Option<Watched>>,
-    seen: Mutex<Option<Seen>>,
+    seen: watch::Sender<Option<Seen>>,
     preset: Option<Preset>,
     source: SourceInfo,
     latest: watch::Sender<Option<Arc<Published>>>,
@@ -95,11 +97,11 @@ pub struct Hub {
 }
 
 /// What is fixed about the source.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct SourceInfo {
     /// As given on the command line.
     pub spec: String,
-    /// What it is: "replay".
+    /// What it is: "v4l2", "replay" or "simulate".
     pub kind: &'static str,
     /// Its own words about itself, for people.
     pub notes: String,
@@ -122,7 +124,7 @@ struct Counters {
 }
 
 /// Counts of frames since the start.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, ToSchema)]
 pub struct Frames {
     /// Frames that the source gave.
     pub captured: u64,
@@ -135,11 +137,12 @@ pub struct Frames {
     /// Frames that were missing or broken.
     pub skipped: u64,
     /// The last one of those: file and reason.
+    #[schema(required)]
     pub last_skipped: Option<String>,
 }
 
-/// GET /api/v1/status.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+/// How doorcam is doing.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct Status {
     /// Version of the program.
     pub version: &'static str,
@@ -150,8 +153,10 @@ pub struct Status {
     /// Seconds since the start.
     pub uptime_s: f64,
     /// The model in use; none before there is a calibration.
+    #[schema(value_type = Option<ModelKind>, required)]
     pub model: Option<&'static str>,
     /// The preset in use.
+    #[schema(required)]
     pub preset: Option<Preset>,
     /// λ of eq. 13 in the newest update; 0 before there is a map.
     pub lambda: f64,
@@ -168,17 +173,20 @@ pub struct Status {
     /// Frames a second over the last seconds.
     pub rate_hz: Rates,
     /// What the newest update is a change against; none before the first, and where the background is fixed.
+    #[schema(required)]
     pub background: Option<BackgroundReport>,
     /// The newest update; none before the first.
+    #[schema(required)]
     pub last_update: Option<LastUpdate>,
     /// The recording under way, or the last one; none before the first.
+    #[schema(required)]
     pub recording: Option<RecordingStatus>,
     /// Clients of the live socket.
     pub clients: usize,
 }
 
 /// Where frames come from and how that goes.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct SourceStatus {
     /// What is fixed.
     #[serde(flatten)]
@@ -186,13 +194,15 @@ pub struct SourceStatus {
     /// Where it stands.
     pub state: SourceState,
     /// Why it is not streaming; none while all is well.
+    #[schema(required)]
     pub error: Option<String>,
     /// What the camera granted; none for what is no camera, and while it is not open.
+    #[schema(required)]
     pub granted: Option<Granted>,
 }
 
 /// Frames a second.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
 pub struct Rates {
     /// From the source.
     pub captured: f64,
@@ -201,7 +211,7 @@ pub struct Rates {
 }
 
 /// The newest update's number and age.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
 pub struct LastUpdate {
     /// Its sequence number.
     pub sequence: u64,
@@ -255,7 +265,7 @@ impl Hub {
         };
         Self {
             watched: Mutex::new(watched),
-            seen: Mutex::new(None),
+            seen: watch::Sender::new(None),
             preset,
             source,
             latest: watch::Sender::new(None),
@@ -334,7 +344,12 @@ impl Hub {
 
     /// The newest images; none before the first frame.
     pub fn seen(&self) -> Option<Seen> {
-        lock(&self.seen).clone()
+        self.seen.borrow().clone()
+    }
+
+    /// To be told of each frame; who is slow sees the newest only.
+    pub fn frames(&self) -> watch::Receiver<Option<Seen>> {
+        self.seen.subscribe()
     }
 
     /// The newest update.
@@ -405,7 +420,7 @@ impl Hub {
         self.tap.frame(frame);
         let mut counters = lock(&self.counters);
         let number = counters.frames.captured;
-        *lock(&self.seen) = Some(Seen { number, images: frame.images.clone(), time, at: Instant::now() });
+        self.seen.send_replace(Some(Seen { number, images: frame.images.clone(), time, at: Instant::now() }));
         counters.frames.captured += 1;
         if counters.condition.state == SourceState::Opening {
             counters.condition.state = SourceState::Streaming;

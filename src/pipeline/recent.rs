@@ -2,6 +2,7 @@ use std::collections::VecDeque;
 
 use jiff::{SignedDuration, Timestamp};
 use serde::Serialize;
+use utoipa::ToSchema;
 
 use super::Update;
 use crate::tracking::{Event, Track};
@@ -28,7 +29,7 @@ struct Followed {
 }
 
 /// Where a track was in one update.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
 pub struct PathPoint {
     /// Time of capture, RFC 3339.
     pub time: Timestamp,
@@ -39,7 +40,7 @@ pub struct PathPoint {
 }
 
 /// A track and what is kept of it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct TrackHistory {
     /// As the last update that had it reported it.
     pub track: Track,
@@ -52,13 +53,15 @@ pub struct TrackHistory {
 }
 
 /// Some of the kept events.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct EventPage {
     /// The events asked for, the first first.
     pub events: Vec<Event>,
     /// Number of the oldest one that is kept; none if nothing has happened.
+    #[schema(required)]
     pub oldest: Option<u64>,
     /// Number of the newest one.
+    #[schema(required)]
     pub newest: Option<u64>,
 }
 

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use super::Hub;
 use crate::measurement::Calibration;
@@ -13,7 +14,7 @@ use crate::source::recorder::{Limits, RecordError, Recorder, RecordingPlan, Reco
 use crate::source::recording::{Layout, Manifest};
 
 /// What somebody wants to record; all of it can be left out.
-#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RecordingWish {
     /// Its directory's name; the time of its beginning.
@@ -25,19 +26,22 @@ pub struct RecordingWish {
 }
 
 /// GET /api/v1/recording.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct RecordingReport {
     /// Whether one can be begun now.
     pub possible: bool,
     /// Why not.
+    #[schema(required)]
     pub reason: Option<String>,
     /// The directory in which they are kept, each in its own; none if there is no place for them.
+    #[schema(required, value_type = Option<String>)]
     pub directory: Option<PathBuf>,
     /// Seconds after which one ends at the latest.
     pub most_seconds: f64,
     /// Bytes before which one ends.
     pub most_bytes: u64,
     /// The one under way, or the last one; none before the first.
+    #[schema(required)]
     pub recording: Option<RecordingStatus>,
 }
 

@@ -1,12 +1,15 @@
 use jiff::Timestamp;
 use serde::Serialize;
+use utoipa::ToSchema;
 
 use super::{Model, Reconstruction};
 use crate::scene::Rgb;
+use crate::schema;
+use crate::solver::ModelKind;
 use crate::tracking::{Event, Occupancy, Track};
 
 /// Whether the map can be trusted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum State {
     /// The empty room is being learned: no map yet.
@@ -19,9 +22,8 @@ pub enum State {
     Stale,
 }
 
-/// What is known after one frame: one line of `doorcam reconstruct`, one message of the live socket (DESIGN: the update
-/// contract). Light is linear, relative to full scale; negative means darker than the background.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+/// What is known after one frame: one line of `doorcam reconstruct`, one message of the live socket. Light is linear, relative to full scale; negative means darker than the background.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct Update {
     /// Version of this format.
     pub version: u32,
@@ -30,6 +32,7 @@ pub struct Update {
     /// Time of capture, RFC 3339. For a recording reconstructed offline, its own clock from 1970-01-01T00:00:00Z.
     pub time: Timestamp,
     /// The frame's number in its recording.
+    #[schema(required)]
     pub frame: Option<u64>,
     /// Whether the map can be trusted.
     pub state: State,
@@ -38,12 +41,14 @@ pub struct Update {
     /// How the map was found.
     pub solution: SolutionReport,
     /// Which signs the map may have.
+    #[schema(value_type = ModelKind)]
     pub model: &'static str,
     /// Change of the visible side's light, b of eq. 12.
     pub illumination: Illumination,
     /// By what factor each patch's own picture of the empty room is multiplied in this frame, apart from what the facets
     /// explain: exposure, flicker, and whatever else lets all of the floor's light rise or fall alike. None while the empty
     /// room is learned, and with the published model, which knows no gain.
+    #[schema(required)]
     pub gain: Option<Gain>,
     /// What is known of the background where it is followed over time; left out where it is fixed.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -63,7 +68,7 @@ pub struct Update {
 }
 
 /// How the map was found.
-#[derive(Debug, Clone, PartialEq, Serialize, Default)]
+#[derive(Debug, Clone, PartialEq, Serialize, Default, ToSchema)]
 pub struct SolutionReport {
     /// λ of eq. 13.
     pub lambda: f64,
@@ -86,45 +91,54 @@ pub struct SolutionReport {
 }
 
 /// b of eq. 12 at each patch.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Default, ToSchema)]
 pub struct Illumination {
     /// At the left patch.
+    #[schema(value_type = schema::Rgb)]
     pub left: Rgb,
     /// At the right patch.
+    #[schema(value_type = schema::Rgb)]
     pub right: Rgb,
 }
 
 /// Factors on the background's own picture at each patch.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
 pub struct Gain {
     /// At the left patch.
+    #[schema(value_type = schema::Rgb)]
     pub left: Rgb,
     /// At the right patch.
+    #[schema(value_type = schema::Rgb)]
     pub right: Rgb,
 }
 
 /// The background that frames are compared with, or that is being learned.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
 pub struct BackgroundReport {
     /// Frames that it is the mean of, as many of equal weight.
     pub frames: u64,
     /// Seconds since it was learned; none while that goes on.
+    #[schema(required)]
     pub age_s: Option<f64>,
     /// Of the time that learning takes in a still room, the share that has passed; 1 while waiting for the room to be still.
     /// None once it is learned.
+    #[schema(required)]
     pub progress: Option<f64>,
 }
 
 /// One facet's change.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
 pub struct FacetReport {
     /// Index in the grid.
     pub index: usize,
     /// Seen from the left edge.
+    #[schema(value_type = schema::Rgb)]
     pub left: [f32; 3],
     /// Seen from the right edge.
+    #[schema(value_type = schema::Rgb)]
     pub right: [f32; 3],
     /// In the unified map.
+    #[schema(value_type = schema::Rgb)]
     pub unified: [f32; 3],
     /// The factor by which a least-squares refit multiplies this facet's light: its brightness without the penalty's
     /// shrinkage.
@@ -135,7 +149,7 @@ pub struct FacetReport {
 }
 
 /// Milliseconds spent on each stage of a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Default, ToSchema)]
 pub struct Timing {
     /// Decoding the images.
     pub decode: f64,

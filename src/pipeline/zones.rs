@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use super::{Command, Control, Hub};
 use crate::config::{ConfigError, check_zones};
@@ -11,7 +12,7 @@ use crate::files::replace;
 use crate::tracking::Zone;
 
 /// Where the zones in use come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ZoneOrigin {
     /// The configuration file.

@@ -1,9 +1,10 @@
 use axum::extract::Request;
-use axum::http::{Method, StatusCode, header};
+use axum::http::{Method, header};
 use axum::response::{IntoResponse, Response};
-use rust_embed::{Embed, EmbeddedFile};
+use rust_embed::Embed;
 
 use super::problem::Problem;
+use super::tag::Tag;
 
 /// The page: in the binary; in debug builds, from disk.
 #[derive(Embed)]
@@ -12,7 +13,11 @@ struct Web;
 
 /// The name of the file that a path asks for.
 fn name(path: &str) -> &str {
-    if path == "/" { "index.html" } else { path.strip_prefix('/').unwrap_or(path) }
+    match path {
+        "/" => "index.html",
+        "/api" => "reference.html",
+        _ => path.strip_prefix('/').unwrap_or(path),
+    }
 }
 
 /// Whether the page has a file of that path.
@@ -28,23 +33,12 @@ pub(super) fn serve(request: &Request) -> Response {
         return Problem::not_found(&format!("there is nothing at {path}")).into_response();
     };
     if !matches!(*request.method(), Method::GET | Method::HEAD) {
-        return Problem::method_not_allowed(&format!("{} is not possible on {path}", request.method())).into_response();
+        let problem = Problem::method_not_allowed(&format!("{} is not possible on {path}", request.method()));
+        return ([(header::ALLOW, "GET,HEAD")], problem).into_response();
     }
     // The browser keeps files but asks each time whether they are still the ones: an update is seen at once.
-    let tag = etag(&file);
-    let known = request.headers().get_all(header::IF_NONE_MATCH).iter().any(|v| v.as_bytes() == tag.as_bytes());
-    let headers = [(header::ETAG, tag), (header::CACHE_CONTROL, "no-cache".into())];
-    if known {
-        return (StatusCode::NOT_MODIFIED, headers).into_response();
-    }
-    (headers, [(header::CONTENT_TYPE, content_type(name))], file.data).into_response()
-}
-
-fn etag(file: &EmbeddedFile) -> String {
-    let hash = file.metadata.sha256_hash();
-    let hex: String = hash[..16].iter().map(|byte| format!("{byte:02x}")).collect();
-    // Weak: the same file, compressed or not.
-    format!("W/\"{hex}\"")
+    let tag = Tag::of(&file.metadata.sha256_hash());
+    tag.answer(request.headers(), || ([(header::CONTENT_TYPE, content_type(name))], file.data))
 }
 
 fn content_type(name: &str) -> &'static str {

@@ -1,12 +1,14 @@
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::body::Bytes;
 use axum::extract::State;
-use axum::http::{HeaderName, HeaderValue, header};
+use axum::http::{HeaderMap, HeaderName, header};
 use axum::response::{IntoResponse, Response};
 
 use super::Shared;
+use super::openapi::{Failed, NotYet, PICTURES, Picture, UNCHANGED};
 use super::problem::Problem;
+use super::tag::Tag;
 use crate::pipeline::Seen;
 use crate::source::RawImages;
 use crate::source::image::{Image, ImageError};
@@ -21,33 +23,60 @@ pub(super) type Encoded = Mutex<Option<(u64, Bytes)>>;
 /// When the picture was captured, RFC 3339.
 const CAPTURED: HeaderName = HeaderName::from_static("x-captured");
 
-/// GET /api/v1/frame.jpg: what the camera sees, the newest frame. A PNG if the recording has PNGs.
-pub(super) async fn frame(State(shared): State<Shared>) -> Response {
+/// What the camera sees, the newest frame. 404 before the first, and for recordings of rectified patches.
+#[utoipa::path(
+    get, path = "/frame.jpg", tag = PICTURES,
+    responses(
+        (
+            status = 200, description = "A JPEG, or a PNG where a recording has PNGs",
+            content((Picture = "image/jpeg"), (Picture = "image/png")),
+            headers(("x-captured" = String, description = "When it was captured, RFC 3339")),
+        ),
+        (status = 304, description = UNCHANGED), (status = 404, response = NotYet), (status = 500, response = Failed),
+    )
+)]
+pub(super) async fn frame(State(shared): State<Shared>, asked: HeaderMap) -> Response {
     let Some(seen) = shared.hub.seen() else {
         return Problem::not_found("there is no frame yet").into_response();
     };
-    let captured = HeaderValue::from_str(&seen.time.to_string()).unwrap_or(HeaderValue::from_static(""));
-    let (kind, body) = match &seen.images {
-        RawImages::Patches(_) => {
-            return Problem::not_found("this source gives rectified patches, not a camera's image").into_response();
+    let tag = Tag::numbered(shared.run, seen.number);
+    if tag.is_known(&asked) {
+        return tag.answer(&asked, || ());
+    }
+    match picture(&shared, &seen).await {
+        Ok((kind, body)) => {
+            let captured = seen.time.to_string();
+            tag.answer(&asked, || ([(header::CONTENT_TYPE, kind.to_owned()), (CAPTURED, captured)], body))
         }
+        Err(problem) => problem.into_response(),
+    }
+}
+
+/// A frame as a file and its type; encoded once, however many ask for it.
+pub(super) async fn picture(shared: &Shared, seen: &Seen) -> Result<(&'static str, Bytes), Problem> {
+    match &seen.images {
+        RawImages::Patches(_) => Err(Problem::not_found("this source gives rectified patches, not a camera's image")),
         RawImages::Camera(bytes) => {
             let kind = if bytes.starts_with(b"\x89PNG") { "image/png" } else { "image/jpeg" };
-            (kind, Ok(Bytes::from(bytes.to_vec())))
+            Ok((kind, Bytes::from_owner(File(Arc::clone(bytes)))))
         }
         RawImages::Sensor(..) => {
-            let encoding = tokio::task::spawn_blocking(move || encoded(&shared.encoded, &seen));
-            let Ok(encoded) = encoding.await else {
-                return Problem::internal("encoding the picture failed").into_response();
-            };
-            ("image/jpeg", encoded)
+            let (cache, seen) = (Arc::clone(&shared.encoded), seen.clone());
+            match tokio::task::spawn_blocking(move || encoded(&cache, &seen)).await {
+                Ok(Ok(bytes)) => Ok(("image/jpeg", bytes)),
+                Ok(Err(e)) => Err(Problem::internal(&e.to_string())),
+                Err(_) => Err(Problem::internal("encoding the picture failed")),
+            }
         }
-    };
-    match body {
-        Ok(body) => {
-            ([(header::CONTENT_TYPE, HeaderValue::from_static(kind)), (CAPTURED, captured)], body).into_response()
-        }
-        Err(e) => Problem::internal(&e.to_string()).into_response(),
+    }
+}
+
+/// A frame's file, shared and not copied.
+struct File(Arc<Vec<u8>>);
+
+impl AsRef<[u8]> for File {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
     }
 }
 

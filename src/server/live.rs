@@ -4,12 +4,18 @@ use std::time::Duration;
 
 use axum::body::Bytes;
 use axum::extract::State;
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
-use axum::response::Response;
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
 use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval, timeout};
+use utoipa::ToSchema;
 
+use super::openapi::{NoSocket, ROOM};
+use super::problem::Problem;
 use super::{FAREWELL, Shared};
+use crate::pipeline::Update;
 
 /// A client that takes no bytes for this long is gone.
 const SEND_LIMIT: Duration = Duration::from_secs(10);
@@ -18,10 +24,44 @@ const PING: Duration = Duration::from_secs(15);
 /// Clients have nothing to say but pongs.
 const LONGEST_MESSAGE: usize = 4096;
 
-/// GET /api/v1/live: each text message is an update, the newest one; who is slow misses the ones between (the sequence
-/// numbers tell how many).
-pub(super) async fn live(State(shared): State<Shared>, upgrade: WebSocketUpgrade) -> Response {
-    upgrade.max_message_size(LONGEST_MESSAGE).on_upgrade(move |socket| serve(socket, shared))
+/// The live socket (WebSocket): each text message is an update, the newest one.
+///
+/// Who reads slowly misses the ones between; the first update after them has one key more, `missed`: how many. The schema of
+/// the messages: `/api/v1/live.schema.json`. Nothing is expected from the client but what the protocol asks for (pongs). When
+/// doorcam ends, it closes sockets with code 1001.
+#[utoipa::path(
+    get, path = "/live", tag = ROOM,
+    responses(
+        (status = 101, description = "The socket: each text message is an update"),
+        (status = 426, response = NoSocket),
+    )
+)]
+pub(super) async fn live(
+    State(shared): State<Shared>,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Response {
+    let upgrade = match upgrade {
+        Ok(upgrade) => upgrade,
+        Err(rejection) => {
+            let problem = Problem::upgrade_required(&format!("this is a WebSocket: {}", rejection.body_text()));
+            return ([(header::UPGRADE, "websocket")], problem).into_response();
+        }
+    };
+    let upgrade = upgrade.max_message_size(LONGEST_MESSAGE).read_buffer_size(LONGEST_MESSAGE);
+    upgrade.on_upgrade(move |socket| serve(socket, shared))
+}
+
+/// A message of the live socket.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "only its description matters")]
+pub(super) struct LiveMessage {
+    /// The update.
+    #[schema(inline = false)]
+    #[serde(flatten)]
+    update: Update,
+    /// How many updates this client missed right before this one; left out where that is none.
+    #[schema(minimum = 1)]
+    missed: Option<u64>,
 }
 
 /// Counts a client for as long as it lives.
@@ -44,6 +84,7 @@ async fn serve(mut socket: WebSocket, shared: Shared) {
     let _counted = Counted::new(Arc::clone(&shared.clients));
     let mut updates = shared.hub.subscribe();
     updates.mark_changed();
+    let mut last = None;
     let mut ending = shared.ending;
     let mut ping = interval(PING);
     ping.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -54,10 +95,10 @@ async fn serve(mut socket: WebSocket, shared: Shared) {
                     return;
                 }
                 let latest = updates.borrow_and_update().clone();
-                match latest {
-                    Some(latest) => Message::Text(Utf8Bytes::from(&*latest.json)),
-                    None => continue,
-                }
+                let Some(latest) = latest else { continue };
+                let sequence = latest.update.sequence;
+                let missed = last.replace(sequence).map_or(0, |last: u64| sequence.saturating_sub(last + 1));
+                Message::Text(text(&latest.json, missed))
             }
             received = socket.recv() => match received {
                 Some(Ok(Message::Close(_)) | Err(_)) | None => return,
@@ -78,6 +119,15 @@ async fn serve(mut socket: WebSocket, shared: Shared) {
     }
 }
 
+/// An update's text, serialised once for everybody. For a client that missed some before it, `missed` is put in front of its
+/// keys: every message is an update, for those who do not look at the key as well.
+fn text(json: &str, missed: u64) -> Utf8Bytes {
+    match json.strip_prefix('{') {
+        Some(keys) if missed > 0 => format!("{{\"missed\":{missed},{keys}").into(),
+        _ => Utf8Bytes::from(json),
+    }
+}
+
 /// Says farewell and waits until the client has left. A socket that is dropped with a pong of the client's still unread
 /// resets the connection, and the reset overtakes the farewell.
 async fn part(socket: &mut WebSocket, farewell: Message) -> Result<(), axum::Error> {
@@ -89,6 +139,18 @@ async fn part(socket: &mut WebSocket, farewell: Message) -> Result<(), axum::Err
 }
 
 /// Completes when the server ends, or is gone.
-async fn until(ending: &mut watch::Receiver<bool>) {
+pub(super) async fn until(ending: &mut watch::Receiver<bool>) {
     let _ = ending.wait_for(|&e| e).await;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_missed_something_gets_the_same_update_and_the_count() {
+        let json = r#"{"version":1,"sequence":7}"#;
+        assert_eq!(text(json, 0).as_str(), json);
+        assert_eq!(text(json, 3).as_str(), r#"{"missed":3,"version":1,"sequence":7}"#);
+    }
 }

@@ -7,35 +7,44 @@ mod calibration;
 mod connections;
 mod frame;
 mod live;
+mod openapi;
 mod people;
 mod pictures;
 mod problem;
 mod recording;
 mod secret_file;
 mod signal;
+mod stream;
+mod tag;
 mod uncertainty;
 mod zones;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
+use std::sync::atomic::AtomicUsize;
+use std::time::{Duration, SystemTime};
 
 use axum::Router;
-use axum::http::{Method, Uri, header};
+use axum::extract::FromRef;
+use axum::http::{Method, Uri};
 use axum::response::IntoResponse;
-use axum::routing::{get, post};
 use metrics_exporter_prometheus::PrometheusHandle;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::time::timeout;
+use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
+use tower_http::compression::predicate::{DefaultPredicate, NotForContentType, Predicate};
+use utoipa::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
 
 pub use self::access::{Access, AccessError};
 pub use self::connections::{Tls, TlsError};
+pub use self::openapi::{live_schema_json, openapi_json};
 use self::pictures::Pictures;
 use self::problem::Problem;
-use crate::config::ServerConfig;
+use crate::config::{Config, ServerConfig};
 use crate::pipeline::{Calibrator, Control, Hub, Recordings, ZoneKeeper};
 
 /// Why the server is not there.
@@ -59,6 +68,8 @@ pub struct Backend {
     pub control: Control,
     /// The calibration.
     pub calibrator: Calibrator,
+    /// The configuration in use.
+    pub config: Config,
     /// Recordings of what the source gives.
     pub recordings: Arc<Recordings>,
     /// The zones.
@@ -73,6 +84,7 @@ struct Shared {
     hub: Arc<Hub>,
     control: Control,
     calibrator: Arc<Calibrator>,
+    config: Arc<Config>,
     recordings: Arc<Recordings>,
     zones: Arc<ZoneKeeper>,
     metrics: Option<PrometheusHandle>,
@@ -80,8 +92,17 @@ struct Shared {
     encoded: Arc<frame::Encoded>,
     uncertain: Arc<uncertainty::Mapped>,
     clients: Arc<AtomicUsize>,
+    access: Arc<Access>,
+    /// Another number in each run: what is counted in one is not to be taken for what is counted in the next.
+    run: u64,
     /// Turns true when the server ends: open sockets would hold it up for ever.
     ending: watch::Receiver<bool>,
+}
+
+impl FromRef<Shared> for Arc<Access> {
+    fn from_ref(shared: &Shared) -> Self {
+        Arc::clone(&shared.access)
+    }
 }
 
 /// A bound address, not yet served.
@@ -122,12 +143,13 @@ impl Server {
 
     /// Serves until `end` completes, then tells clients and gives them a moment to leave.
     pub async fn serve(self, backend: Backend, end: impl Future<Output = ()>) {
-        let Backend { hub, control, calibrator, recordings, zones, metrics } = backend;
+        let Backend { hub, control, calibrator, config, recordings, zones, metrics } = backend;
         let (tell, ending) = watch::channel(false);
         let shared = Shared {
             hub,
             control,
             calibrator: Arc::new(calibrator),
+            config: Arc::new(config),
             recordings,
             zones: Arc::new(zones),
             metrics,
@@ -135,6 +157,8 @@ impl Server {
             encoded: Arc::default(),
             uncertain: Arc::default(),
             clients: Arc::default(),
+            access: Arc::clone(&self.access),
+            run: SystemTime::UNIX_EPOCH.elapsed().map_or(0, |since| since.as_micros() as u64),
             ending: ending.clone(),
         };
         tokio::select! {
@@ -147,48 +171,54 @@ impl Server {
     }
 }
 
-fn routes(shared: Shared, access: Arc<Access>) -> Router {
-    let v1 = Router::new()
-        .route("/status", get(api::status))
-        .route("/geometry", get(api::geometry))
-        .route("/reconstruction", get(api::reconstruction))
-        .route("/reconstruction.png", get(api::reconstruction_png))
-        .route("/difference.png", get(api::difference_png))
-        .route("/patches.png", get(api::patches_png))
-        .route("/signal", get(signal::signal))
-        .route("/tracks", get(people::tracks))
-        .route("/tracks/{id}", get(people::track))
-        .route("/events", get(people::events))
-        .route("/zones", get(people::zones).put(zones::put).delete(zones::delete))
-        .route("/recording", get(recording::get).post(recording::post).delete(recording::delete))
-        .route("/uncertainty", get(uncertainty::uncertainty))
-        .route("/calibration", get(calibration::get).put(calibration::put))
-        .route("/calibration/check", post(calibration::check))
-        .route("/calibration/previous", post(calibration::previous))
-        .route("/frame.jpg", get(frame::frame))
-        .route("/background/reset", post(api::reset_background))
-        .route("/live", get(live::live))
-        .route("/session", access::session::methods(Arc::clone(&access)));
-    let all = Router::new()
+/// Every route and what is said about it: none is served that is not described.
+fn described() -> OpenApiRouter<Shared> {
+    let v1 = OpenApiRouter::new()
+        .routes(routes!(api::status))
+        .routes(routes!(api::geometry))
+        .routes(routes!(api::reconstruction))
+        .routes(routes!(api::reconstruction_png))
+        .routes(routes!(api::difference_png))
+        .routes(routes!(api::patches_png))
+        .routes(routes!(signal::signal))
+        .routes(routes!(people::tracks))
+        .routes(routes!(people::track))
+        .routes(routes!(people::events))
+        .routes(routes!(people::zones, zones::put, zones::delete))
+        .routes(routes!(recording::get, recording::post, recording::delete))
+        .routes(routes!(uncertainty::uncertainty))
+        .routes(routes!(calibration::get, calibration::put))
+        .routes(routes!(calibration::check))
+        .routes(routes!(calibration::previous))
+        .routes(routes!(frame::frame))
+        .routes(routes!(stream::stream))
+        .routes(routes!(api::reset_background))
+        .routes(routes!(live::live))
+        .routes(routes!(access::session::tell, access::session::begin, access::session::end))
+        .routes(routes!(api::config))
+        .routes(routes!(openapi::live_schema))
+        .routes(routes!(openapi::openapi));
+    OpenApiRouter::with_openapi(openapi::About::openapi())
         .nest("/api/v1", v1)
-        .route("/livez", get(|| async { "alive\n" }))
-        .route("/readyz", get(api::readyz))
-        .route("/metrics", get(prometheus))
+        .routes(routes!(api::livez))
+        .routes(routes!(api::readyz))
+        .routes(routes!(api::prometheus))
+}
+
+fn routes(shared: Shared, access: Arc<Access>) -> Router {
+    let all = Router::from(described())
         .fallback(not_found_or_asset)
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
             Problem::method_not_allowed(&format!("{method} is not possible on {}", uri.path()))
         })
+        .layer(CatchPanicLayer::custom(|_| {
+            // The panic itself is in the log.
+            Problem::internal("doorcam failed on an internal error").into_response()
+        }))
         // The page and JSON; pictures are compressed already, and left alone.
-        .layer(CompressionLayer::new())
+        .layer(CompressionLayer::new().compress_when(DefaultPredicate::new().and(NotForContentType::new("multipart/"))))
         .with_state(shared);
     access::layers(all, access)
-}
-
-/// The figures for Prometheus; none unless a recorder was installed.
-async fn prometheus(axum::extract::State(shared): axum::extract::State<Shared>) -> axum::response::Response {
-    metrics::gauge!("doorcam_clients").set(shared.clients.load(Ordering::Relaxed) as f64);
-    let kind = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
-    (kind, shared.metrics.as_ref().map(PrometheusHandle::render).unwrap_or_default()).into_response()
 }
 
 async fn not_found_or_asset(request: axum::extract::Request) -> axum::response::Response {

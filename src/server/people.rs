@@ -4,65 +4,101 @@ use axum::extract::{Path, Query, State};
 use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
 
 use super::Shared;
+use super::openapi::{Malformed, PEOPLE, Unknown};
 use super::problem::Problem;
 use crate::geometry::Point;
-use crate::pipeline::{self, Hub, ZoneOrigin};
+use crate::pipeline::{self, EventPage, Hub, TrackHistory, ZoneOrigin};
+use crate::schema;
 use crate::tracking::{Track, Zone};
 
 /// Events that one request gets unless it says otherwise, and at most.
 const EVENTS: usize = 100;
 const MOST_EVENTS: usize = 1000;
 
-/// GET /api/v1/tracks.
-#[derive(Serialize)]
+/// Who is where.
+#[derive(Serialize, ToSchema)]
 struct Tracks {
-    /// Number and time of the update that they are of; none before the first.
+    /// Number of the update that they are of; null before the first.
+    #[schema(required)]
     sequence: Option<u64>,
+    /// Time of its capture, RFC 3339.
+    #[schema(required)]
     time: Option<Timestamp>,
+    /// Whether the map can be trusted.
     state: pipeline::State,
+    /// Everybody who is followed.
     tracks: Vec<Placed>,
 }
 
-#[derive(Serialize)]
+/// A track and where it is.
+#[derive(Serialize, ToSchema)]
 struct Placed {
+    /// As in an update.
     #[serde(flatten)]
     track: Track,
+    /// Names of the zones that it is in.
     zones: Vec<String>,
 }
 
-/// GET /api/v1/zones.
-#[derive(Serialize)]
-struct Zones {
+/// The configured zones and who is in them.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Zones {
+    /// Number of the update that they are of; null before the first.
+    #[schema(required)]
     sequence: Option<u64>,
+    /// Time of its capture, RFC 3339.
+    #[schema(required)]
     time: Option<Timestamp>,
+    /// Whether the map can be trusted.
     state: pipeline::State,
     /// Where they come from.
     origin: ZoneOrigin,
+    /// Each zone.
     zones: Vec<Occupied>,
 }
 
-#[derive(Serialize)]
+/// A zone and who is in it.
+#[derive(Serialize, ToSchema)]
 struct Occupied {
+    /// Its name.
     name: String,
+    /// Its corners in order, in metres in the door frame.
+    #[schema(value_type = Vec<schema::Point>)]
     polygon_m: Vec<Point>,
+    /// How many people are in it.
     people: usize,
+    /// Ids of their tracks.
     tracks: Vec<u64>,
 }
 
 /// Which events somebody asks for.
-#[derive(Deserialize)]
+#[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
 pub(super) struct Wanted {
+    /// Those that follow the event of this number; without it, the newest.
     after: Option<u64>,
+    /// So many at most.
+    #[param(minimum = 1, maximum = 1000, default = 100)]
     limit: Option<usize>,
 }
 
+/// Who is where.
+#[utoipa::path(get, path = "/tracks", tag = PEOPLE, responses((status = 200, description = "The tracks", body = Tracks)))]
 pub(super) async fn tracks(State(shared): State<Shared>) -> Response {
     Json(current(&shared.hub)).into_response()
 }
 
+/// One of them, also for some time after it has ended, with its path and events.
+///
+/// 404 for a track that never was, or whose path is all older than `tracker.history_s` seconds.
+#[utoipa::path(
+    get, path = "/tracks/{id}", tag = PEOPLE, params(("id" = u64, Path, description = "The track's id")),
+    responses((status = 200, description = "The track", body = TrackHistory), (status = 404, response = Unknown))
+)]
 pub(super) async fn track(State(shared): State<Shared>, id: Result<Path<u64>, PathRejection>) -> Response {
     let unknown = |id: &str| Problem::not_found(&format!("there is no track {id}, or it ended too long ago"));
     match id {
@@ -74,16 +110,29 @@ pub(super) async fn track(State(shared): State<Shared>, id: Result<Path<u64>, Pa
     }
 }
 
+/// Who came, went and stayed.
+///
+/// `oldest` and `newest` number the first and last event that are kept: who asked after a number below `oldest` - 1 has
+/// missed some.
+#[utoipa::path(
+    get, path = "/events", tag = PEOPLE, params(Wanted),
+    responses((status = 200, description = "The events", body = EventPage), (status = 400, response = Malformed))
+)]
 pub(super) async fn events(State(shared): State<Shared>, wanted: Result<Query<Wanted>, QueryRejection>) -> Response {
     let expected = format!("expected after=NUMBER of an event, limit=1 to {MOST_EVENTS}, or neither");
     match wanted {
-        Ok(Query(Wanted { after, limit })) if limit.is_none_or(|limit| (1..=MOST_EVENTS).contains(&limit)) => {
+        Ok(Query(Wanted { after, limit }))
+            if limit.is_none_or(|limit| (1..=MOST_EVENTS).contains(&limit))
+                && after.is_none_or(|after| i64::try_from(after).is_ok()) =>
+        {
             Json(shared.hub.events(after, limit.unwrap_or(EVENTS))).into_response()
         }
         _ => Problem::bad_request(&expected).into_response(),
     }
 }
 
+/// The configured zones and who is in them.
+#[utoipa::path(get, path = "/zones", tag = PEOPLE, responses((status = 200, description = "The zones", body = Zones)))]
 pub(super) async fn zones(State(shared): State<Shared>) -> Response {
     Json(occupied(&shared.hub, shared.zones.origin())).into_response()
 }

@@ -1,13 +1,19 @@
+use axum::body::Bytes;
+use axum::extract::rejection::BytesRejection;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use utoipa::ToSchema;
 
 /// An error as RFC 9457 has it (application/problem+json).
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, ToSchema)]
 pub(super) struct Problem {
+    /// What kind of error.
     title: &'static str,
+    /// The status code.
     status: u16,
+    /// What is wrong, in one line.
     detail: String,
 }
 
@@ -17,10 +23,17 @@ impl Problem {
     }
 
     /// A request's JSON body, or what is wrong with it: the key and what was expected.
-    pub(super) fn read<T: DeserializeOwned>(body: &[u8]) -> Result<T, Self> {
-        let mut json = serde_json::Deserializer::from_slice(body);
-        serde_path_to_error::deserialize(&mut json)
-            .map_err(|e| Self::bad_request(&format!("{}: {}", e.path(), e.inner())))
+    pub(super) fn body<T: DeserializeOwned>(body: Result<Bytes, BytesRejection>) -> Result<T, Self> {
+        let body = body?;
+        // A list of the values would do, too, if nobody asked.
+        if !body.trim_ascii_start().starts_with(b"{") {
+            return Err(Self::bad_request("expected a JSON object"));
+        }
+        let mut json = serde_json::Deserializer::from_slice(&body);
+        let read = serde_path_to_error::deserialize(&mut json)
+            .map_err(|e| Self::bad_request(&format!("{}: {}", e.path(), e.inner())))?;
+        json.end().map_err(|e| Self::bad_request(&format!("after the object: {e}")))?;
+        Ok(read)
     }
 
     pub(super) fn not_found(detail: &str) -> Self {
@@ -43,12 +56,22 @@ impl Problem {
         Self::new(StatusCode::METHOD_NOT_ALLOWED, detail)
     }
 
+    pub(super) fn upgrade_required(detail: &str) -> Self {
+        Self::new(StatusCode::UPGRADE_REQUIRED, detail)
+    }
+
     pub(super) fn unavailable(detail: &str) -> Self {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, detail)
     }
 
     pub(super) fn internal(detail: &str) -> Self {
         Self::new(StatusCode::INTERNAL_SERVER_ERROR, detail)
+    }
+}
+
+impl From<BytesRejection> for Problem {
+    fn from(rejection: BytesRejection) -> Self {
+        Self::new(rejection.status(), &rejection.body_text())
     }
 }
 

@@ -3,21 +3,38 @@
 use axum::Json;
 use axum::body::Bytes;
 use axum::extract::State;
+use axum::extract::rejection::BytesRejection;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 
 use super::Shared;
+use super::openapi::{Conflicting, Failed, Malformed, SETUP, TooLarge, Unfit, Unknown};
 use super::problem::Problem;
 use crate::pipeline::{RecordingRefused, RecordingReport, RecordingWish};
 
-/// GET /api/v1/recording
+/// Whether something can be recorded, and how the recording under way is doing.
+#[utoipa::path(
+    get, path = "/recording", tag = SETUP,
+    responses((status = 200, description = "How it is", body = RecordingReport))
+)]
 pub(super) async fn get(State(shared): State<Shared>) -> Json<RecordingReport> {
     Json(report(&shared))
 }
 
-/// POST /api/v1/recording
-pub(super) async fn post(State(shared): State<Shared>, body: Bytes) -> Response {
-    let wish = if body.is_empty() { Ok(RecordingWish::default()) } else { Problem::read(&body) };
+/// Begins to record what the source gives, into a directory of its own.
+#[utoipa::path(
+    post, path = "/recording", tag = SETUP, request_body = Option<RecordingWish>,
+    responses(
+        (status = 201, description = "It has begun", body = RecordingReport),
+        (status = 400, response = Malformed), (status = 409, response = Conflicting), (status = 413, response = TooLarge),
+        (status = 422, response = Unfit), (status = 500, response = Failed),
+    )
+)]
+pub(super) async fn post(State(shared): State<Shared>, body: Result<Bytes, BytesRejection>) -> Response {
+    let wish = match body {
+        Ok(body) if matches!(body.trim_ascii(), b"" | b"null") => Ok(RecordingWish::default()),
+        body => Problem::body(body),
+    };
     match wish {
         Ok(wish) => {
             changed(shared, StatusCode::CREATED, move |shared| {
@@ -29,7 +46,14 @@ pub(super) async fn post(State(shared): State<Shared>, body: Bytes) -> Response 
     }
 }
 
-/// DELETE /api/v1/recording: answers when all of it is on the disk.
+/// Ends the recording: answers when all of it is on the disk.
+#[utoipa::path(
+    delete, path = "/recording", tag = SETUP,
+    responses(
+        (status = 200, description = "It has ended", body = RecordingReport),
+        (status = 404, response = Unknown), (status = 500, response = Failed),
+    )
+)]
 pub(super) async fn delete(State(shared): State<Shared>) -> Response {
     changed(shared, StatusCode::OK, |shared| shared.recordings.stop()).await
 }

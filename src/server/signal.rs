@@ -1,29 +1,41 @@
 use axum::Json;
 use axum::extract::State;
 use serde::Serialize;
+use utoipa::ToSchema;
 
 use super::Shared;
+use super::openapi::ROOM;
 use crate::measurement;
 
-/// GET /api/v1/signal: how far the newest update's change stands out of the camera's noise.
-#[derive(Serialize)]
+/// How far the newest update's change stands out of the camera's noise.
+#[derive(Serialize, ToSchema)]
 pub(super) struct Signal {
     /// The update that it is of; none before the first.
+    #[schema(required)]
     sequence: Option<u64>,
+    /// The left patch; null while the noise is not known.
+    #[schema(required)]
     left: Option<Side>,
+    /// The right one.
+    #[schema(required)]
     right: Option<Side>,
 }
 
-/// One patch; none while the noise is not known.
-#[derive(Serialize)]
+/// One patch.
+#[derive(Serialize, ToSchema)]
+#[schema(as = PatchSignal)]
 struct Side {
     /// Signal to noise per pixel and colour, in decibels; none if nothing but noise is there.
+    #[schema(required)]
     snr_db: Option<f64>,
-    /// The change, and the noise of one pixel, as shares of the floor's light.
+    /// The change, as a share of the floor's light.
     change: f64,
+    /// The noise of one pixel, likewise.
     noise: f64,
 }
 
+/// How far the newest update's change stands out of the camera's noise.
+#[utoipa::path(get, path = "/signal", tag = ROOM, responses((status = 200, description = "The signal", body = Signal)))]
 pub(super) async fn signal(State(shared): State<Shared>) -> Json<Signal> {
     let latest = shared.hub.latest();
     let known = latest.as_ref().and_then(|latest| Some((latest.difference.as_ref()?, latest.sensing.as_ref()?)));

@@ -2,12 +2,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::body::Bytes;
 use axum::extract::State;
-use axum::http::header;
+use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
+use utoipa::ToSchema;
 
 use super::Shared;
+use super::openapi::{Failed, NotYet, PEOPLE, UNCHANGED};
 use super::problem::Problem;
+use super::tag::Tag;
 use crate::analysis::bound::{PersonSetup, RoomBound, UncertaintyMap};
 use crate::measurement::Sensing;
 use crate::pipeline::Model;
@@ -15,22 +18,30 @@ use crate::pipeline::Model;
 /// Above this error, in metres, somebody counts as not observable: people would be mistaken for one another.
 const THRESHOLD_M: f64 = 0.5;
 
-/// GET /api/v1/uncertainty.
-#[derive(Serialize)]
+/// The least error of a person's place, over the room.
+#[derive(Serialize, ToSchema)]
 struct Uncertainty {
+    /// Which calibration it is of.
     calibration: u32,
+    /// Above this error, in metres, nobody is observable.
     threshold_m: f64,
+    /// Whom it is for.
     person: Person,
+    /// The map.
     #[serde(flatten)]
     map: UncertaintyMap,
 }
 
 /// Whom the map is for.
-#[derive(Serialize)]
+#[derive(Serialize, ToSchema)]
 struct Person {
+    /// Radius, in metres.
     radius_m: f64,
+    /// Height, in metres.
     height_m: f64,
+    /// Their radiance against the room's.
     contrast: f64,
+    /// Share of the floor's light that comes from the visible side.
     visible_share: f64,
 }
 
@@ -38,8 +49,17 @@ struct Person {
 /// is made, so that many who ask at once wait for one.
 pub(super) type Mapped = Mutex<Option<(Arc<Sensing>, Bytes)>>;
 
-/// The least error of a person's place over the room, by the noise that is measured now.
-pub(super) async fn uncertainty(State(shared): State<Shared>) -> Response {
+/// How exactly one frame can locate a person at all, over the room, by the noise that is measured now: the Cramér-Rao bound.
+///
+/// 404 while the empty room is being learned, and with the published model. It changes with the background only.
+#[utoipa::path(
+    get, path = "/uncertainty", tag = PEOPLE,
+    responses(
+        (status = 200, description = "The map", body = Uncertainty), (status = 304, description = UNCHANGED),
+        (status = 404, response = NotYet), (status = 500, response = Failed),
+    )
+)]
+pub(super) async fn uncertainty(State(shared): State<Shared>, asked: HeaderMap) -> Response {
     let made = tokio::task::spawn_blocking(move || {
         let latest = shared.hub.latest()?;
         let watched = shared.hub.watched().filter(|w| w.calibration == latest.update.calibration)?;
@@ -53,7 +73,9 @@ pub(super) async fn uncertainty(State(shared): State<Shared>) -> Response {
         Some(json)
     });
     match made.await {
-        Ok(Some(json)) => ([(header::CONTENT_TYPE, "application/json")], json).into_response(),
+        Ok(Some(json)) => {
+            Tag::of(&json).answer(&asked, || ([(header::CONTENT_TYPE, "application/json")], json.clone()))
+        }
         Ok(None) => Problem::not_found(
             "the camera's noise is not known: the empty room is being learned, or the model is the published one",
         )

@@ -2,29 +2,47 @@
 
 use axum::body::Bytes;
 use axum::extract::State;
+use axum::extract::rejection::BytesRejection;
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
+use utoipa::ToSchema;
 
+use super::openapi::{Failed, Malformed, PEOPLE, TooLarge, Unfit};
+use super::people::Zones;
 use super::problem::Problem;
 use super::{Shared, people};
 use crate::pipeline::{ZoneKeeper, ZonesRefused};
 use crate::tracking::Zone;
 
-#[derive(Deserialize)]
+/// Zones that somebody draws.
+#[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-struct Drawn {
+pub(super) struct Drawn {
+    /// All of them.
     zones: Vec<Zone>,
 }
 
-/// PUT /api/v1/zones: all of them at once.
-pub(super) async fn put(State(shared): State<Shared>, body: Bytes) -> Response {
-    match Problem::read::<Drawn>(&body) {
+/// Uses other zones from the next frame on, all of them at once, and keeps them.
+#[utoipa::path(
+    put, path = "/zones", tag = PEOPLE, request_body = Drawn,
+    responses(
+        (status = 200, description = "The zones", body = Zones),
+        (status = 400, response = Malformed), (status = 413, response = TooLarge),
+        (status = 422, response = Unfit), (status = 500, response = Failed),
+    )
+)]
+pub(super) async fn put(State(shared): State<Shared>, body: Result<Bytes, BytesRejection>) -> Response {
+    match Problem::body::<Drawn>(body) {
         Ok(Drawn { zones }) => changed(shared, move |keeper| keeper.replace(zones)).await,
         Err(problem) => problem.into_response(),
     }
 }
 
-/// DELETE /api/v1/zones: back to those of the configuration.
+/// Goes back to the zones of the configuration.
+#[utoipa::path(
+    delete, path = "/zones", tag = PEOPLE,
+    responses((status = 200, description = "The zones", body = Zones), (status = 500, response = Failed))
+)]
 pub(super) async fn delete(State(shared): State<Shared>) -> Response {
     changed(shared, ZoneKeeper::forget).await
 }

@@ -24,6 +24,9 @@ use jiff::Timestamp;
 pub use replay::{Pace, Replay, ReplayOptions, load};
 use sensor::SensorFormat;
 use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::schema;
 
 /// A frame as it was captured, not yet decoded: what is replaced by a newer frame need not be decoded at all.
 #[derive(Debug, Clone, PartialEq)]
@@ -105,7 +108,7 @@ pub struct Condition {
 }
 
 /// Where a source stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SourceState {
     /// Before the first frame.
@@ -125,7 +128,7 @@ pub enum SourceState {
 }
 
 /// What a camera granted, which need not be what it was asked for.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct Granted {
     /// The device node in use.
     pub node: String,
@@ -134,6 +137,7 @@ pub struct Granted {
     /// Pixel format, as a FourCC.
     pub format: String,
     /// Width and height in pixels.
+    #[schema(value_type = schema::Size)]
     pub size: [usize; 2],
     /// Frames a second.
     pub fps: f64,

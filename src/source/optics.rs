@@ -1,11 +1,13 @@
 //! What has to be known of a camera to measure with it: its transfer function, its lens, points on the floor.
 
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use crate::geometry::Point;
+use crate::schema;
 
 /// The transfer function with which images are encoded: from codes to light.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Transfer {
     /// IEC 61966-2-1.
@@ -89,7 +91,7 @@ fn srgb_to_linear(encoded: f64) -> f64 {
 
 /// Radial distortion as OpenCV has it: an ideal image position at x = (u − c) / f from the centre of the image is seen at
 /// x (1 + k1 r² + k2 r⁴), r = |x|.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Lens {
     /// Coefficient of r²; below 0 for a barrel.
     pub k1: f64,
@@ -102,11 +104,13 @@ pub struct Lens {
 }
 
 /// An image position whose place on the floor is known.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct FloorPoint {
     /// (u, v), in pixels; (0, 0) is the centre of the top-left pixel.
+    #[schema(value_type = schema::Pixel)]
     pub pixel: Point,
     /// (x, y) in the door frame, in metres.
+    #[schema(value_type = schema::Point)]
     pub floor_m: Point,
 }
 

@@ -1,12 +1,13 @@
 use jiff::{SignedDuration, Timestamp};
 use serde::Serialize;
+use utoipa::ToSchema;
 
 use super::zones::Zone;
 use super::{Track, TrackState};
 use crate::geometry::Point;
 
 /// What happened.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EventKind {
     /// Somebody is there: told when the track is confirmed, as of its first detection.
@@ -22,7 +23,7 @@ pub enum EventKind {
 }
 
 /// Something that a person did.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct Event {
     /// Counts events of this run, from 0, in the order in which they became known.
     pub sequence: u64,
@@ -37,11 +38,12 @@ pub struct Event {
     /// The same, into the room.
     pub y_m: f64,
     /// Which zone; none for what has nothing to do with one.
+    #[schema(required)]
     pub zone: Option<String>,
 }
 
 /// Who is in a zone.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, ToSchema)]
 pub struct Occupancy {
     /// The zone's name.
     pub name: String,

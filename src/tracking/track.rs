@@ -1,12 +1,14 @@
 use serde::Serialize;
+use utoipa::ToSchema;
 
 use crate::scene::Rgb;
+use crate::schema;
 
 /// A symmetric 2 x 2 matrix [[xx, xy], [xy, yy]].
 pub type Covariance = [[f64; 2]; 2];
 
 /// How sure a track is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum TrackState {
     /// It may be a false alarm yet.
@@ -17,8 +19,8 @@ pub enum TrackState {
     Coasting,
 }
 
-/// A tracked person, as updates report it (DESIGN: the update contract).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+/// A tracked person, as updates report it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
 pub struct Track {
     /// Never used again for anybody else in one run.
     pub id: u64,
@@ -33,8 +35,10 @@ pub struct Track {
     /// The same, into the room.
     pub vy_m_s: f64,
     /// Covariance of the position, in m².
+    #[schema(value_type = schema::Covariance)]
     pub covariance_m2: Covariance,
     /// Radiance against what is behind, relative to full scale; negative where the body is darker.
+    #[schema(value_type = schema::Rgb)]
     pub rgb: Rgb,
     /// Seconds since it was first seen.
     pub age_s: f64,

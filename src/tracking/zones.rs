@@ -1,6 +1,8 @@
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use crate::geometry::Point;
+use crate::schema;
 
 /// Who stands on a border would come and go with every breath: a zone is left this far outside of it, in metres.
 const BORDER_M: f64 = 0.15;
@@ -10,12 +12,13 @@ const SMALLEST_M2: f64 = 0.01;
 const MOST_CORNERS: usize = 100;
 
 /// A named part of the room's floor: `[[zones]]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Zone {
     /// What people call it.
     pub name: String,
     /// Its corners in order, either way round, in metres in the door frame.
+    #[schema(value_type = Vec<schema::Point>)]
     pub polygon_m: Vec<Point>,
 }
 

@@ -1,4 +1,5 @@
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use super::visibility::{sees, visible_part};
 use crate::geometry::{Doorway, Facet, Point};
@@ -6,7 +7,7 @@ use crate::geometry::{Doorway, Facet, Point};
 /// The law by which a facet lights the floor. Both leave out the factor albedo / π, which scales brightness alone.
 ///
 /// With d the vector from a facet's sample at height z to the pixel and n the facet's normal:
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Kernel {
     /// (n·d)₊ z / |d|³ dA, summed over 16 x 16 samples: what the authors' program computes (falls off as 1/d).

@@ -98,6 +98,8 @@ export class Mock {
     this.events = [];
     /** @type {OccupancySpan[]} Of a daemon that keeps a history. */
     this.spans = [];
+    /** @type {object | null} Its OpenAPI document. */
+    this.description = null;
     this.resets = 0;
     /** @type {string | null} Why the next change is refused. */
     this.refusal = null;
@@ -179,6 +181,7 @@ export class Mock {
       response.setHeader("content-type", "image/png");
       return response.end(differencePicture(this.latest.sequence));
     }
+    if (name === "openapi.json" && this.description) return json(response, this.description);
     if (name === "session") return json(response, this.session);
     if (name === "events") return json(response, this.#eventPage(wanted));
     if (name === "occupancy" && this.status.history) {

@@ -1,5 +1,7 @@
 //! The bound on the camera that there is: from its still picture and its noise, over the room.
 
+use utoipa::ToSchema;
+
 use nalgebra::{DMatrix, Matrix2, Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -26,7 +28,7 @@ pub struct RoomBound {
 }
 
 /// Where in a room somebody can be located, and how exactly.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, ToSchema)]
 pub struct UncertaintyMap {
     /// Middles of the cells along x, in metres.
     pub x_m: Vec<f64>,

@@ -8,20 +8,23 @@ use axum::body::Bytes;
 use axum::extract::{Extension, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{MethodRouter, get};
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 use super::tokens::Scope;
 use super::{Access, Peer};
+use crate::server::openapi::{Failed, Malformed, STATE, TooLarge, TooMany, WrongToken};
 use crate::server::problem::Problem;
 
 /// Where it is; open to everybody.
 pub(super) const PATH: &str = "/api/v1/session";
 
 /// What a client may do here, and what it should know.
-#[derive(Debug, Serialize)]
-struct Report {
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(as = Session)]
+pub(in crate::server) struct Report {
     /// What it may do; nothing without a token.
+    #[schema(required)]
     scope: Option<Scope>,
     /// Whether there are tokens at all.
     token_needed: bool,
@@ -30,37 +33,50 @@ struct Report {
     /// Whether pictures of the visible side are shown.
     images: bool,
     /// Until its session ends; none without one.
+    #[schema(required)]
     expires_s: Option<u64>,
 }
 
-#[derive(Deserialize)]
+/// What a browser shows once.
+#[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-struct Login {
+pub(in crate::server) struct Login {
+    /// The token.
     token: String,
 }
 
-/// GET tells, POST logs in, DELETE logs out.
-pub(in crate::server) fn methods<S: Clone + Send + Sync + 'static>(access: Arc<Access>) -> MethodRouter<S> {
-    get(tell).post(begin).delete(end).with_state(access)
-}
-
-async fn tell(State(access): State<Arc<Access>>, Extension(peer): Extension<Peer>, headers: HeaderMap) -> Response {
+/// What this client may do.
+#[utoipa::path(get, path = "/session", tag = STATE, responses((status = 200, description = "What it may do", body = Report)))]
+pub(in crate::server) async fn tell(
+    State(access): State<Arc<Access>>,
+    Extension(peer): Extension<Peer>,
+    headers: HeaderMap,
+) -> Response {
     Json(access.report(peer, &headers)).into_response()
 }
 
-async fn begin(
+/// Begins a session: a token is shown once, and a cookie from then on.
+#[utoipa::path(
+    post, path = "/session", tag = STATE, request_body = Login,
+    responses(
+        (status = 200, description = "It has begun; nothing begins where no token is needed", body = Report),
+        (status = 400, response = Malformed), (status = 401, response = WrongToken), (status = 413, response = TooLarge),
+        (status = 429, response = TooMany), (status = 500, response = Failed),
+    )
+)]
+pub(in crate::server) async fn begin(
     State(access): State<Arc<Access>>,
     Extension(peer): Extension<Peer>,
     headers: HeaderMap,
     body: Bytes,
 ) -> Response {
-    if access.tokens.is_empty() {
-        return Json(access.report(peer, &headers)).into_response();
-    }
     let Ok(Login { token }) = serde_json::from_slice(&body) else {
         // Not the reader's own words: they could show the token.
         return Problem::bad_request("expected {\"token\": \"...\"}").into_response();
     };
+    if access.tokens.is_empty() {
+        return Json(access.report(peer, &headers)).into_response();
+    }
     let now = Instant::now();
     let scope = match access.scope_of_token(token.trim().as_bytes(), peer, now) {
         Ok(scope) => scope,
@@ -78,7 +94,9 @@ async fn begin(
     ([(header::SET_COOKIE, cookie)], Json(report)).into_response()
 }
 
-async fn end(State(access): State<Arc<Access>>, headers: HeaderMap) -> Response {
+/// Ends the session, if there is one.
+#[utoipa::path(delete, path = "/session", tag = STATE, responses((status = 204, description = "There is none any more")))]
+pub(in crate::server) async fn end(State(access): State<Arc<Access>>, headers: HeaderMap) -> Response {
     access.cookie(&headers).into_iter().for_each(|number| access.sessions.end(number));
     (StatusCode::NO_CONTENT, [(header::SET_COOKIE, access.set_cookie(&headers, "", 0))]).into_response()
 }

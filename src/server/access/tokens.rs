@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use subtle::ConstantTimeEq;
+use utoipa::ToSchema;
 
 use super::AccessError;
 use crate::config::AccessConfig;
@@ -16,9 +17,9 @@ const SHORTEST: usize = 20;
 const LONGEST: usize = 256;
 
 /// What a client may do; the later may do all that the earlier may.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Scope {
+pub(in crate::server) enum Scope {
     /// See everything.
     Read,
     /// Change everything, too.

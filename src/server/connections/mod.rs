@@ -36,6 +36,9 @@ const WRITE_TIME: Duration = Duration::from_secs(20);
 const MOST_HEADERS: usize = 64;
 /// Bytes of a request's head, all lines together.
 const LONGEST_HEAD: usize = 16 * 1024;
+/// Bytes of a connection that may wait to be sent, a few updates.
+#[cfg(target_os = "linux")]
+const UNSENT: u32 = 16_384;
 /// How long nothing is accepted when the system has no more sockets.
 const OUT_OF_SOCKETS: Duration = Duration::from_millis(500);
 
@@ -59,6 +62,15 @@ pub(super) async fn serve(
     }
 }
 
+/// Nothing waits in the system's buffers: a message goes out at once, and what the client's side does not take yet stays here,
+/// where a newer one replaces it. The system would keep megabytes of it, a minute of updates.
+fn newest_first(stream: &TcpStream) {
+    // Without either, updates come late to slow clients, and that is all.
+    let _ = stream.set_nodelay(true);
+    #[cfg(target_os = "linux")]
+    let _ = socket2::SockRef::from(stream).set_tcp_notsent_lowat(UNSENT);
+}
+
 async fn accept(
     listener: TcpListener,
     router: Router,
@@ -74,6 +86,7 @@ async fn accept(
         };
         match accepted {
             Ok((stream, address)) => {
+                newest_first(&stream);
                 let Some(slot) = slots.take(address.ip()) else {
                     tracing::debug!("{address}: turned away, too many connections");
                     continue;

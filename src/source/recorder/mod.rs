@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 pub use queue::{Recorder, RecordingState, RecordingStatus};
 use serde::Serialize;
+use utoipa::ToSchema;
 pub use writer::{RecordingPlan, RecordingWriter, Written};
 
 /// When a recording ends by itself. What is none does not end it.
@@ -27,7 +28,7 @@ pub struct Limits {
 }
 
 /// Why a recording ended without an error.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum End {
     /// Someone said so, or there were no more frames.

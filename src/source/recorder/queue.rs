@@ -6,6 +6,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
+use utoipa::ToSchema;
 
 use super::{End, Limits, RecordError, RecordingPlan, RecordingWriter, Written};
 use crate::source::{RawFrame, RawImages};
@@ -28,7 +29,7 @@ pub struct Recorder {
 }
 
 /// Where a recording stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RecordingState {
     /// Frames are written.
@@ -42,9 +43,10 @@ pub enum RecordingState {
 }
 
 /// How a recording is doing.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct RecordingStatus {
     /// Where it is.
+    #[schema(value_type = String)]
     pub directory: PathBuf,
     /// Where it stands.
     pub state: RecordingState,
@@ -56,8 +58,10 @@ pub struct RecordingStatus {
     /// Frames that came faster than they could be written.
     pub overflowed: u64,
     /// Why it ended; none while it goes on, and after an error.
+    #[schema(required)]
     pub ended: Option<End>,
     /// The error that ended it.
+    #[schema(required)]
     pub error: Option<String>,
 }
 

@@ -3,6 +3,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use utoipa::ToSchema;
 
 use super::encoding::{EncodedFrame, encode};
 use super::files::{Lines, sync, sync_below, write_whole};
@@ -26,7 +27,7 @@ pub struct RecordingPlan {
 }
 
 /// What has been written so far.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, ToSchema)]
 pub struct Written {
     /// Frames.
     pub frames: u64,

@@ -1,0 +1,109 @@
+//! The camera's images as they come, in one answer that never ends (multipart/x-mixed-replace, known as MJPEG).
+
+use std::convert::Infallible;
+use std::time::Duration;
+
+use axum::body::{Body, Bytes};
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Query, State};
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use futures_util::stream;
+use serde::Deserialize;
+use tokio::sync::watch;
+use tokio::time::{Instant, sleep_until};
+use utoipa::IntoParams;
+
+use super::Shared;
+use super::frame::picture;
+use super::live::until;
+use super::openapi::{Malformed, NotYet, PICTURES, Picture};
+use super::problem::Problem;
+use crate::pipeline::Seen;
+use crate::source::RawImages;
+
+/// How often somebody wants a picture.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct Pace {
+    /// Pictures a second at most; without it, all of them.
+    #[param(minimum = 0.01, maximum = 240.0)]
+    fps: Option<f64>,
+}
+
+/// What the camera sees, as a stream of pictures (`multipart/x-mixed-replace`).
+///
+/// Each part has its `content-type`, `content-length` and `x-captured`. Each is the newest picture: who is slow misses the
+/// ones between. It ends with doorcam. 404 before the first frame, and for recordings of rectified patches.
+#[utoipa::path(
+    get, path = "/stream.mjpg", tag = PICTURES, params(Pace),
+    responses(
+        (status = 200, description = "The stream", body = Picture, content_type = "multipart/x-mixed-replace; boundary=frame"),
+        (status = 400, response = Malformed), (status = 404, response = NotYet),
+    )
+)]
+pub(super) async fn stream(State(shared): State<Shared>, pace: Result<Query<Pace>, QueryRejection>) -> Response {
+    let pause = match pace {
+        Ok(Query(Pace { fps: None })) => Duration::ZERO,
+        Ok(Query(Pace { fps: Some(fps) })) if (0.01..=240.0).contains(&fps) => Duration::from_secs_f64(1.0 / fps),
+        _ => return Problem::bad_request("expected fps=0.01 to 240 pictures a second, or nothing").into_response(),
+    };
+    match shared.hub.seen() {
+        None => return Problem::not_found("there is no frame yet").into_response(),
+        Some(Seen { images: RawImages::Patches(_), .. }) => {
+            return Problem::not_found("this source gives rectified patches, not a camera's image").into_response();
+        }
+        Some(_) => {}
+    }
+    let mut frames = shared.hub.frames();
+    frames.mark_changed();
+    let parts = Parts { ending: shared.ending.clone(), shared, frames, pause, due: Instant::now(), begun: false };
+    let body = stream::unfold(parts, |mut parts| async move {
+        let part = parts.next().await?;
+        Some((Ok::<_, Infallible>(part), parts))
+    });
+    let kind = [(header::CONTENT_TYPE, "multipart/x-mixed-replace; boundary=frame")];
+    (kind, Body::from_stream(body)).into_response()
+}
+
+/// The parts of one client's stream. The next one is made when the one before has been taken: nothing piles up.
+struct Parts {
+    shared: Shared,
+    frames: watch::Receiver<Option<Seen>>,
+    ending: watch::Receiver<bool>,
+    pause: Duration,
+    due: Instant,
+    begun: bool,
+}
+
+impl Parts {
+    /// The newest picture that was not sent yet; none at the end.
+    async fn next(&mut self) -> Option<Bytes> {
+        loop {
+            tokio::select! {
+                () = until(&mut self.ending) => return None,
+                () = sleep_until(self.due) => {}
+            }
+            tokio::select! {
+                () = until(&mut self.ending) => return None,
+                changed = self.frames.changed() => changed.ok()?,
+            }
+            let seen = self.frames.borrow_and_update().clone()?;
+            self.due = Instant::now() + self.pause;
+            // A picture that cannot be made is left out, as a broken frame is.
+            if let Ok((kind, picture)) = picture(&self.shared, &seen).await {
+                return Some(self.part(kind, &picture, &seen));
+            }
+        }
+    }
+
+    fn part(&mut self, kind: &str, picture: &[u8], seen: &Seen) -> Bytes {
+        let begin = if self.begun { "" } else { "--frame\r\n" };
+        self.begun = true;
+        let (length, time) = (picture.len(), seen.time);
+        let head = format!("{begin}Content-Type: {kind}\r\nContent-Length: {length}\r\nX-Captured: {time}\r\n\r\n");
+        // The boundary right behind the picture: browsers show a part when it has ended, not when it has come.
+        [head.as_bytes(), picture, b"\r\n--frame\r\n"].concat().into()
+    }
+}
