@@ -1,5 +1,5 @@
 use jiff::{SignedDuration, Timestamp};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::zones::Zone;
@@ -7,7 +7,7 @@ use super::{Track, TrackState};
 use crate::geometry::Point;
 
 /// What happened.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EventKind {
     /// Somebody is there: told when the track is confirmed, as of its first detection.
@@ -22,10 +22,26 @@ pub enum EventKind {
     ZoneExit,
 }
 
+impl EventKind {
+    /// Every kind.
+    pub const ALL: [Self; 5] = [Self::Enter, Self::Exit, Self::Dwell, Self::ZoneEnter, Self::ZoneExit];
+
+    /// As it is written everywhere.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Enter => "enter",
+            Self::Exit => "exit",
+            Self::Dwell => "dwell",
+            Self::ZoneEnter => "zone_enter",
+            Self::ZoneExit => "zone_exit",
+        }
+    }
+}
+
 /// Something that a person did.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct Event {
-    /// Counts events of this run, from 0, in the order in which they became known.
+    /// Counts events, in the order in which they became known: from 0, or on from the runs before where these are kept.
     pub sequence: u64,
     /// What.
     pub kind: EventKind,
@@ -101,6 +117,12 @@ impl Events {
     pub fn new(dwelling: Dwelling, zones: Vec<Zone>) -> Self {
         let names = zones.iter().map(|zone| zone.name.clone()).collect();
         Self { dwelling, zones, names, present: Vec::new(), pending: Vec::new(), next: 0 }
+    }
+
+    /// Counts on from `next`.
+    pub fn counting_from(mut self, next: u64) -> Self {
+        self.next = next;
+        self
     }
 
     /// Takes the place of `others`: goes on counting, and whoever they saw leaves with the next update.

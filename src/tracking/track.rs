@@ -22,7 +22,7 @@ pub enum TrackState {
 /// A tracked person, as updates report it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
 pub struct Track {
-    /// Never used again for anybody else in one run.
+    /// Never used again for anybody else, in no other run either where those are kept.
     pub id: u64,
     /// How sure it is.
     pub state: TrackState,

@@ -120,6 +120,12 @@ impl Tracker {
         self.next_id = self.next_id.max(other.next_id);
     }
 
+    /// Gives no ids below `next`.
+    pub fn counting_from(mut self, next: u64) -> Self {
+        self.next_id = self.next_id.max(next);
+        self
+    }
+
     /// Where those who are followed are expected at a frame's time, in seconds.
     pub fn predictions(&self, seconds: f64) -> impl Iterator<Item = Prediction> + '_ {
         let elapsed = self.elapsed(seconds).unwrap_or(0.0);

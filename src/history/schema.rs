@@ -1,0 +1,79 @@
+use rusqlite::{Connection, TransactionBehavior};
+
+/// How the tables came to be what they are, step by step; the file's `user_version` counts the steps taken. A step that a release
+/// had is never changed: another follows it.
+///
+/// Times are nanoseconds since 1970, UTC. A null `zone` of `occupancy` is the whole room. `numbers` has numbers that were not used
+/// yet, some way ahead, so that one which was told and then lost in a crash is not used again.
+pub(super) const MIGRATIONS: &[&str] = &["
+    CREATE TABLE events (
+        sequence INTEGER PRIMARY KEY,
+        kind TEXT NOT NULL,
+        time_ns INTEGER NOT NULL,
+        track INTEGER NOT NULL,
+        x_m REAL,
+        y_m REAL,
+        zone TEXT
+    ) STRICT;
+    CREATE INDEX events_time ON events (time_ns);
+    CREATE TABLE occupancy (
+        id INTEGER PRIMARY KEY,
+        zone TEXT,
+        people INTEGER NOT NULL,
+        from_ns INTEGER NOT NULL,
+        to_ns INTEGER NOT NULL
+    ) STRICT;
+    CREATE INDEX occupancy_from ON occupancy (from_ns);
+    CREATE TABLE numbers (name TEXT PRIMARY KEY, next INTEGER NOT NULL) STRICT, WITHOUT ROWID;
+"];
+
+/// Takes the steps that are missing, all of them or none; returns false for tables of a newer doorcam, which are left alone.
+pub(super) fn migrate(connection: &mut Connection, steps: &[&str]) -> rusqlite::Result<bool> {
+    let transaction = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
+    let taken: usize = transaction.pragma_query_value(None, "user_version", |row| row.get(0))?;
+    if taken > steps.len() {
+        return Ok(false);
+    }
+    if taken < steps.len() {
+        for step in &steps[taken..] {
+            transaction.execute_batch(step)?;
+        }
+        transaction.pragma_update(None, "user_version", steps.len())?;
+    }
+    transaction.commit()?;
+    Ok(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn version(connection: &Connection) -> usize {
+        connection.pragma_query_value(None, "user_version", |row| row.get(0)).unwrap()
+    }
+
+    #[test]
+    fn steps_are_taken_once_and_keep_what_is_there() {
+        let mut connection = Connection::open_in_memory().unwrap();
+        assert!(migrate(&mut connection, MIGRATIONS).unwrap());
+        connection.execute("INSERT INTO events VALUES (5, 'enter', 1, 2, 0.5, 1.5, NULL)", ()).unwrap();
+        assert!(migrate(&mut connection, MIGRATIONS).unwrap());
+        let longer = [MIGRATIONS, &["ALTER TABLE events ADD COLUMN note TEXT NOT NULL DEFAULT 'none'"]].concat();
+        assert!(migrate(&mut connection, &longer).unwrap());
+        let row = connection.query_row("SELECT sequence, note FROM events", (), |row| Ok((row.get(0)?, row.get(1)?)));
+        assert_eq!(row, Ok((5, String::from("none"))));
+        assert_eq!(version(&connection), MIGRATIONS.len() + 1);
+        assert!(!migrate(&mut connection, MIGRATIONS).unwrap(), "it is of a newer version");
+    }
+
+    #[test]
+    fn of_steps_that_fail_none_is_taken() {
+        let mut connection = Connection::open_in_memory().unwrap();
+        let broken =
+            [MIGRATIONS, &["CREATE TABLE more (id INTEGER) STRICT; CREATE TABLE events (id INTEGER) STRICT"]].concat();
+        assert!(migrate(&mut connection, &broken).is_err());
+        assert_eq!(version(&connection), 0);
+        let tables: usize = connection.query_row("SELECT count(*) FROM sqlite_schema", (), |row| row.get(0)).unwrap();
+        assert_eq!(tables, 0);
+    }
+}
