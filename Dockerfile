@@ -12,6 +12,8 @@ COPY benches benches
 RUN cargo build --release --locked
 
 FROM debian:bookworm-slim
+# Certificates of brokers and of receivers of webhooks are checked against these.
+RUN apt-get update && apt-get install -y --no-install-recommends ca-certificates && rm -rf /var/lib/apt/lists/*
 RUN useradd --system --no-create-home doorcam && install -d -o doorcam -m 700 /var/lib/doorcam
 COPY --from=build /src/target/release/doorcam /usr/local/bin/doorcam
 USER doorcam

@@ -3,6 +3,9 @@
 mod access;
 mod background;
 mod camera;
+mod changes;
+mod history;
+mod publish;
 mod tls;
 mod tracking;
 
@@ -12,6 +15,9 @@ use std::path::Path;
 pub use access::AccessConfig;
 pub use background::{AveragingConfig, BackgroundConfig};
 pub use camera::{CameraConfig, StorageConfig};
+pub use changes::{Change, Takes};
+pub use history::HistoryConfig;
+pub use publish::{HookUrl, MqttConfig, SiteConfig, WebhookConfig, topic_level};
 use serde::{Deserialize, Serialize};
 pub use tls::TlsConfig;
 pub use tracking::{TrackerConfig, check_zones};
@@ -41,6 +47,8 @@ pub struct Config {
     pub tls: TlsConfig,
     /// What is kept between runs.
     pub storage: StorageConfig,
+    /// What is kept of events and occupancy.
+    pub history: HistoryConfig,
     /// The camera.
     pub camera: CameraConfig,
     /// The hidden room that the map covers.
@@ -63,6 +71,12 @@ pub struct Config {
     pub tracker: TrackerConfig,
     /// Parts of the room that have names.
     pub zones: Vec<Zone>,
+    /// Which doorway this is among others.
+    pub site: SiteConfig,
+    /// The broker that is told what happens.
+    pub mqtt: MqttConfig,
+    /// Others who are told of events.
+    pub webhooks: Vec<WebhookConfig>,
     /// A set of values that overrides the sections above it names.
     #[serde(skip)]
     pub preset: Option<Preset>,
@@ -305,11 +319,6 @@ impl Config {
         self
     }
 
-    /// As others may see it: without secrets. There are none yet; who adds one leaves it out here.
-    pub fn redacted(&self) -> Self {
-        self.clone()
-    }
-
     /// The grid that `[room]` and `[grid]` describe.
     pub fn grid_spec(&self) -> GridSpec {
         GridSpec {
@@ -328,6 +337,8 @@ impl Config {
         within("server.max_connections_per_address", of_one, 1.0, 1e5, "connections")?;
         self.access.check()?;
         self.tls.check()?;
+        self.history.check()?;
+        publish::check(&self.site, &self.mqtt, &self.webhooks)?;
         self.camera.check()?;
         within("room.half_width_m", self.room.half_width_m, 0.1, 100.0, "metres")?;
         within("room.depth_m", self.room.depth_m, 0.1, 100.0, "metres")?;

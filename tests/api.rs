@@ -8,8 +8,7 @@ use std::net::TcpStream;
 use std::path::Path;
 use std::time::Duration;
 
-use common::{Daemon, grey_recording, manifest};
-use doorcam::source::recording::{FloorPoint, Layout};
+use common::{Daemon, camera_recording, grey_recording, manifest};
 use serde_json::Value;
 use ureq::http::{Request, Response};
 
@@ -48,29 +47,6 @@ fn assert_problem(response: &Response<Vec<u8>>, status: u16, what: &str) {
         problem["title"].is_string() && problem["detail"].as_str().is_some_and(|d| !d.is_empty()),
         "{what}: {problem}"
     );
-}
-
-/// A camera's recording of a floor of one grey; beside the patches, its left end has another grey in each frame.
-fn camera_recording(frames: u8) -> tempfile::TempDir {
-    let corners = [[-0.4, 0.0], [0.4, 0.0], [-0.4, -0.4], [0.4, -0.4]];
-    // 400 pixels a metre, from straight above.
-    let see = |[x, y]: [f64; 2]| [320.0 + 400.0 * x, 40.0 - 400.0 * y];
-    let manifest = doorcam::source::recording::Manifest {
-        layout: Layout::Camera,
-        size: Some([640, 240]),
-        floor_points: corners.map(|floor_m| FloorPoint { pixel: see(floor_m), floor_m }).to_vec(),
-        fov_m: None,
-        ..manifest()
-    };
-    let dir = tempfile::tempdir().unwrap();
-    manifest.write(dir.path()).unwrap();
-    std::fs::create_dir(dir.path().join("frames")).unwrap();
-    for index in 0..frames {
-        let grey = |x: u32| if x < 64 { 40 + 30 * index } else { 120 };
-        let image = image::RgbImage::from_fn(640, 240, |x, _| image::Rgb([grey(x); 3]));
-        image.save(dir.path().join(format!("frames/{index:08}.jpg"))).unwrap();
-    }
-    dir
 }
 
 fn looped(recording: &Path) -> Daemon {

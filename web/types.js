@@ -91,6 +91,9 @@
  * @property {Granted | null} granted
  */
 
+/** @typedef {{ state: "connecting" | "connected", broker: string, topic: string, error: string | null }} Broker */
+/** @typedef {{ url: string, waiting: number, delivered: number, dead: number, error: string | null }} Webhook */
+
 /**
  * @typedef {object} Status
  * @property {string} version
@@ -107,7 +110,8 @@
  * @property {{ sequence: number, age_s: number } | null} last_update
  * @property {number} clients
  * @property {number} zones_revision  goes up with every change of the zones
- * @property {unknown} [history]  where events are kept beyond the run, and can be asked for by time
+ * @property {{ state: "stored" | "memory", reason: string | null, file: string | null, bytes: number, lost: number }} history
+ * @property {{ mqtt: Broker | null, webhooks: Webhook[] }} publish  who is told of what happens
  * @property {RecordingStatus | null} recording  under way, or the last one
  * @property {boolean} calibrated  false: a camera of which nobody has said yet where the door is
  * @property {number} calibration_revision  goes up with every saved calibration

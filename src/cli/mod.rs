@@ -15,6 +15,7 @@ mod man;
 mod memory;
 mod reconstruct;
 mod record;
+mod reload;
 mod serve;
 mod service;
 mod simulate;

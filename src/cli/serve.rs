@@ -4,10 +4,12 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use doorcam::config::Config;
+use doorcam::history::{History, Numbers};
 use doorcam::measurement::Calibration;
 use doorcam::pipeline::{
     CalibrationStore, Calibrator, Engine, Hub, Keeping, Recordings, Setup, SourceInfo, ZoneKeeper, ZoneOrigin, start,
 };
+use doorcam::publish::Publishers;
 use doorcam::server::{Access, Backend, Server, Tls};
 use doorcam::source::recording::Manifest;
 use doorcam::source::{Replay, ReplayOptions, Source, SystemClock};
@@ -15,6 +17,7 @@ use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::listening::ListenOptions;
+use super::reload::Reloader;
 use super::source::{self, Simulated, SourceKind, SourceSpec};
 use super::{ModelOptions, engine, engine_of, open_recording, service, simulate};
 
@@ -39,6 +42,9 @@ pub(super) struct Arguments {
     /// Directory of what is kept between runs: one a doorway [default: storage.directory of the configuration]
     #[arg(long, value_name = "DIR")]
     storage: Option<PathBuf>,
+    /// Keep events and occupancy in memory only
+    #[arg(long)]
+    no_history: bool,
     #[command(flatten)]
     model: ModelOptions,
 }
@@ -55,13 +61,22 @@ struct Watch {
     info: SourceInfo,
 }
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let mut config = arguments.model.config()?;
-    arguments.listening.apply(&mut config);
-    let access = access(&config)?;
-    if let Some(directory) = &arguments.storage {
-        config.storage.directory.clone_from(directory);
+impl Arguments {
+    /// The configuration as file and command line have it now.
+    fn config(&self) -> anyhow::Result<Config> {
+        let mut config = self.model.config()?;
+        self.listening.apply(&mut config);
+        if let Some(directory) = &self.storage {
+            config.storage.directory.clone_from(directory);
+        }
+        config.history.enabled &= !self.no_history;
+        Ok(config)
     }
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let config = arguments.config()?;
+    let access = access(&config)?;
     let file = arguments.calibration.as_deref();
     let SourceSpec { text, kind } = &arguments.source;
     let watch = match kind {
@@ -69,7 +84,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         SourceKind::Camera(name) => camera(&config, name, text, file)?,
         SourceKind::Simulate(simulated) => simulation(&config, simulated, text, file)?,
     };
-    serve(&config, watch, access)
+    serve(&config, || arguments.config(), watch, access)
 }
 
 /// Replays a recording to whoever connects, until interrupted.
@@ -80,7 +95,7 @@ pub(super) fn serve_recording(
     spec: &str,
     access: (Access, Option<Tls>),
 ) -> anyhow::Result<()> {
-    serve(config, replay(config, directory, options, spec, None)?, access)
+    serve(config, || Ok(config.clone()), replay(config, directory, options, spec, None)?, access)
 }
 
 /// Shows a simulated doorway to whoever connects, until interrupted.
@@ -90,7 +105,7 @@ pub(super) fn serve_simulation(
     spec: &str,
     access: (Access, Option<Tls>),
 ) -> anyhow::Result<()> {
-    serve(config, simulation(config, simulated, spec, None)?, access)
+    serve(config, || Ok(config.clone()), simulation(config, simulated, spec, None)?, access)
 }
 
 fn simulation(config: &Config, simulated: &Simulated, spec: &str, file: Option<&Path>) -> anyhow::Result<Watch> {
@@ -211,12 +226,22 @@ pub(super) fn access(config: &Config) -> anyhow::Result<(Access, Option<Tls>)> {
     Ok((access, tls))
 }
 
-/// Shows what is watched to whoever connects, until interrupted.
-fn serve(config: &Config, watch: Watch, (access, tls): (Access, Option<Tls>)) -> anyhow::Result<()> {
-    let Watch { source, mut engine, setup, calibration, keeping, manifest, info } = watch;
+/// Shows what is watched to whoever connects, until interrupted; `again` gives the configuration as it is when asked.
+fn serve(
+    config: &Config,
+    again: impl Fn() -> anyhow::Result<Config>,
+    watch: Watch,
+    (access, tls): (Access, Option<Tls>),
+) -> anyhow::Result<()> {
+    let Watch { source, engine, setup, calibration, keeping, manifest, info } = watch;
     let spec = info.spec.clone();
     // Before the hub: what counts without a recorder counts for nobody.
     let metrics = recorder();
+    let camera = info.kind == "v4l2";
+    let history = History::start(config.kept_history(camera))?;
+    let Numbers { track, event, .. } = history.numbers();
+    let mut engine = engine.map(|engine| engine.counting_from(track, event));
+    let setup = setup.counting_from(track, event);
     let directory = config.storage.directory();
     // What is drawn over a replayed or simulated room says nothing of the camera that usually keeps things here.
     let own_place = manifest.is_none() || !config.storage.directory.as_os_str().is_empty();
@@ -230,7 +255,14 @@ fn serve(config: &Config, watch: Watch, (access, tls): (Access, Option<Tls>)) ->
         used.zones = zones;
     }
     let hub = Hub::new(engine.as_ref().map(Engine::watched), config.preset, info).configured(&used);
-    let hub = Arc::new(hub);
+    let publishers = Publishers::new(config)?;
+    let hub = Arc::new(hub.telling({
+        let (history, publishers) = (history.clone(), publishers.clone());
+        move |update| {
+            history.take_update(update);
+            publishers.take_update(update);
+        }
+    }));
     let recordings = directory.map(|directory| directory.join("recordings"));
     let recordings = Arc::new(Recordings::new(recordings, manifest, Arc::clone(&hub)));
     let runtime = tokio::runtime::Runtime::new().context("cannot start the server's threads")?;
@@ -238,6 +270,7 @@ fn serve(config: &Config, watch: Watch, (access, tls): (Access, Option<Tls>)) ->
         let server = Server::bind(&config.server, access, tls).await?;
         let mut interrupt = signal(SignalKind::interrupt())?;
         let mut terminate = signal(SignalKind::terminate())?;
+        let mut hangup = signal(SignalKind::hangup())?;
         // The port first, then the frames: nobody should miss the beginning of a recording.
         let running = start(source, engine, Arc::clone(&hub)).context("cannot start the frame loop")?;
         if let Some(metrics) = metrics.clone() {
@@ -250,9 +283,29 @@ fn serve(config: &Config, watch: Watch, (access, tls): (Access, Option<Tls>)) ->
                 }
             });
         }
-        let calibrator = Calibrator::new(setup, keeping, calibration, Arc::clone(&hub), running.control().clone());
-        let zones =
-            ZoneKeeper::new(config.zones.clone(), zones_file, origin, Arc::clone(&hub), running.control().clone());
+        let kept = history.clone();
+        let (end, ending) = tokio::sync::watch::channel(false);
+        let publishing = tokio::spawn(publishers.clone().run(Arc::clone(&hub), ending));
+        let calibrator =
+            Arc::new(Calibrator::new(setup, keeping, calibration, Arc::clone(&hub), running.control().clone()));
+        let zones = Arc::new(ZoneKeeper::new(
+            config.zones.clone(),
+            zones_file,
+            origin,
+            Arc::clone(&hub),
+            running.control().clone(),
+        ));
+        let (in_use, config_in_use) = tokio::sync::watch::channel(config.clone());
+        let reloader = Reloader {
+            again,
+            in_use,
+            camera,
+            access: server.access(),
+            calibrator: Arc::clone(&calibrator),
+            zones: Arc::clone(&zones),
+            history: history.clone(),
+            hub: Arc::clone(&hub),
+        };
         let watching = format!("watching {spec}: the page is at {}", server.url());
         tracing::info!("{watching}");
         service::ready(&watching);
@@ -263,13 +316,21 @@ fn serve(config: &Config, watch: Watch, (access, tls): (Access, Option<Tls>)) ->
                     hub,
                     control: running.control().clone(),
                     calibrator,
-                    config: config.clone(),
+                    config: config_in_use,
                     recordings: Arc::clone(&recordings),
                     zones,
+                    history,
+                    publishers,
                     metrics,
                 },
                 async move {
-                    tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }
+                    loop {
+                        tokio::select! {
+                            _ = interrupt.recv() => break,
+                            _ = terminate.recv() => break,
+                            Some(()) = hangup.recv() => tokio::task::block_in_place(|| reloader.reload()),
+                        }
+                    }
                     tracing::info!("stopping");
                     service::stopping();
                 },
@@ -277,6 +338,10 @@ fn serve(config: &Config, watch: Watch, (access, tls): (Access, Option<Tls>)) ->
             .await;
         running.end();
         recordings.finish();
+        kept.end();
+        end.send_replace(true);
+        // A panic has been reported when it happened.
+        let _ = publishing.await;
         anyhow::Ok(())
     })
 }

@@ -7,6 +7,7 @@ use utoipa::ToSchema;
 
 use super::calibration_store::{CalibrationStore, StoreError};
 use super::{Command, Control, Engine, Hub, Setup, SetupError};
+use crate::config::Config;
 use crate::measurement::{Calibration, Check};
 use crate::schema;
 
@@ -21,7 +22,6 @@ pub enum Keeping {
 
 /// Checks, applies and keeps calibrations.
 pub struct Calibrator {
-    setup: Setup,
     keeping: Keeping,
     hub: Arc<Hub>,
     control: Control,
@@ -29,6 +29,7 @@ pub struct Calibrator {
 }
 
 struct State {
+    setup: Setup,
     calibration: Option<Calibration>,
     revision: u32,
 }
@@ -83,7 +84,7 @@ impl Calibrator {
         hub: Arc<Hub>,
         control: Control,
     ) -> Self {
-        Self { setup, keeping, hub, control, state: Mutex::new(State { calibration, revision: 0 }) }
+        Self { keeping, hub, control, state: Mutex::new(State { setup, calibration, revision: 0 }) }
     }
 
     /// The calibration in use and what can be done with it.
@@ -106,12 +107,19 @@ impl Calibrator {
 
     /// The calibration in use, with the lens and the transfer function of the configuration where it does not tell.
     pub fn calibration(&self) -> Option<Calibration> {
-        self.state().calibration.as_ref().map(|calibration| self.setup.complete(calibration))
+        let state = self.state();
+        state.calibration.as_ref().map(|calibration| state.setup.complete(calibration))
     }
 
     /// What a calibration would be worth.
     pub fn check(&self, calibration: &Calibration) -> Check {
-        let mut check = self.setup.check(calibration);
+        // A copy, for checking takes a while.
+        let setup = self.state().setup.clone();
+        self.check_with(&setup, calibration)
+    }
+
+    fn check_with(&self, setup: &Setup, calibration: &Calibration) -> Check {
+        let mut check = setup.check(calibration);
         if let Some(size) = self.hub.size().filter(|size| *size != calibration.size) {
             let ([w, h], [cw, ch]) = (calibration.size, size);
             check.ok = false;
@@ -124,7 +132,7 @@ impl Calibrator {
     pub fn replace(&self, calibration: Calibration) -> Result<(), CalibrationRefused> {
         let Keeping::File(store) = &self.keeping else { return Err(self.fixed()) };
         let mut state = self.state();
-        let engine = self.engine(&calibration, state.revision + 1)?;
+        let engine = self.engine(&state.setup, &calibration, state.revision + 1)?;
         store.save(&calibration)?;
         self.go_on_with(&mut state, calibration, engine)
     }
@@ -134,18 +142,32 @@ impl Calibrator {
         let Keeping::File(store) = &self.keeping else { return Err(self.fixed()) };
         let mut state = self.state();
         let calibration = store.previous()?.ok_or(CalibrationRefused::NoPrevious)?;
-        let engine = self.engine(&calibration, state.revision + 1)?;
+        let engine = self.engine(&state.setup, &calibration, state.revision + 1)?;
         store.save(&calibration)?;
         self.go_on_with(&mut state, calibration, engine)
     }
 
-    fn engine(&self, calibration: &Calibration, revision: u32) -> Result<Engine, CalibrationRefused> {
-        let check = self.check(calibration);
+    /// Uses another configuration of room, grid, model and tracker from the next frame on: with the same calibration, whose
+    /// number changes, for the map does, too.
+    pub fn reconfigure(&self, config: &Config) -> Result<(), CalibrationRefused> {
+        let Keeping::File(_) = &self.keeping else { return Err(self.fixed()) };
+        let mut state = self.state();
+        let setup = state.setup.with(config.clone());
+        if let Some(calibration) = state.calibration.clone() {
+            let engine = self.engine(&setup, &calibration, state.revision + 1)?;
+            self.go_on_with(&mut state, calibration, engine)?;
+        }
+        state.setup = setup;
+        Ok(())
+    }
+
+    fn engine(&self, setup: &Setup, calibration: &Calibration, revision: u32) -> Result<Engine, CalibrationRefused> {
+        let check = self.check_with(setup, calibration);
         if let Some(error) = check.errors.first() {
             return Err(CalibrationRefused::Unfit(error.clone()));
         }
         let unfit = |e: SetupError| CalibrationRefused::Unfit(e.to_string());
-        Ok(self.setup.engine(calibration).map_err(unfit)?.of_calibration(revision))
+        Ok(setup.engine(calibration).map_err(unfit)?.of_calibration(revision))
     }
 
     fn go_on_with(

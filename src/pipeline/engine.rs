@@ -95,6 +95,12 @@ impl Engine {
         self
     }
 
+    /// Gives no numbers of tracks and events below these.
+    pub fn counting_from(mut self, track: u64, event: u64) -> Self {
+        self.people = self.people.take().map(|people| people.counting_from(track, event));
+        self
+    }
+
     /// Averages frames in time before anything else. To be said before [`Engine::rolling`].
     pub fn averaging(mut self, config: &AveragingConfig) -> Self {
         self.averager = Averager::new(config.mode, config.time_s, self.reader.patch().size);

@@ -10,14 +10,14 @@ use utoipa::ToSchema;
 use super::meters::Meters;
 use super::recent::Recent;
 use super::tap::Tap;
-use super::{BackgroundReport, EventPage, Model, State, TrackHistory, Update};
+use super::{BackgroundReport, Model, State, TrackHistory, Update};
 use crate::config::{Config, Preset, TrackerConfig};
 use crate::measurement::{PatchPair, Sensing};
 use crate::scene::Scene;
 use crate::solver::ModelKind;
 use crate::source::recorder::RecordingStatus;
 use crate::source::{Condition, Granted, RawFrame, RawImages, SourceState};
-use crate::tracking::{Detection, Zone};
+use crate::tracking::{Detection, Event, Zone};
 
 /// One update as everyone gets it: made once, never changed.
 #[derive(Debug)]
@@ -80,6 +80,9 @@ pub struct Seen {
     pub at: Instant,
 }
 
+/// What is told every single update, on the thread of the frames: it must return at once.
+type Listener = Box<dyn Fn(&Update) + Send + Sync>;
+
 /// Hands updates and status from the frame loop to everyone who asks.
 pub struct Hub {
     watched: Mutex<Option<Watched>>,
@@ -89,6 +92,7 @@ pub struct Hub {
     latest: watch::Sender<Option<Arc<Published>>>,
     recent: Mutex<Recent>,
     zones: Mutex<Zoned>,
+    listeners: Vec<Listener>,
     counters: Mutex<Counters>,
     tap: Tap,
     meters: Meters,
@@ -271,6 +275,7 @@ impl Hub {
             latest: watch::Sender::new(None),
             recent: Mutex::new(Recent::new(TrackerConfig::default().history_s)),
             zones: Mutex::default(),
+            listeners: Vec::new(),
             counters: Mutex::new(counters),
             tap: Tap::default(),
             meters: Meters::new(),
@@ -283,6 +288,17 @@ impl Hub {
     pub fn configured(mut self, config: &Config) -> Self {
         self.recent = Mutex::new(Recent::new(config.tracker.history_s));
         lock(&self.zones).zones.clone_from(&config.zones);
+        self
+    }
+
+    /// Keeps so many seconds of each track's path from now on.
+    pub fn keep_paths(&self, history_s: f64) {
+        lock(&self.recent).keep(history_s);
+    }
+
+    /// Tells every single update to `listener`, which must return at once.
+    pub fn telling(mut self, listener: impl Fn(&Update) + Send + Sync + 'static) -> Self {
+        self.listeners.push(Box::new(listener));
         self
     }
 
@@ -308,8 +324,8 @@ impl Hub {
         lock(&self.recent).track(id, latest.as_ref().map_or(&[], |latest| &latest.update.tracks))
     }
 
-    /// The first `limit` events after number `after`; without one, the newest.
-    pub fn events(&self, after: Option<u64>, limit: usize) -> EventPage {
+    /// Of the last thousand events, the first `limit` after number `after`; without one, the newest.
+    pub fn events(&self, after: Option<u64>, limit: usize) -> Vec<Event> {
         lock(&self.recent).events(after, limit)
     }
 
@@ -409,6 +425,7 @@ impl Hub {
         drop(counters);
         self.meters.publish(&published.update);
         lock(&self.recent).take(&published.update);
+        self.listeners.iter().for_each(|listen| listen(&published.update));
         self.latest.send_replace(Some(Arc::new(published)));
     }
 

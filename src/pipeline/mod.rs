@@ -34,7 +34,7 @@ pub use mailbox::{Mailbox, Taken};
 pub use model::{Model, SetupError};
 pub use people::People;
 pub use problem::Problem;
-pub use recent::{EventPage, PathPoint, TrackHistory};
+pub use recent::{PathPoint, TrackHistory};
 pub use reconstructor::{Reconstruction, Reconstructor};
 pub use recordings::{RecordingRefused, RecordingReport, RecordingWish, Recordings};
 pub use run::{Command, Control, Running, start};

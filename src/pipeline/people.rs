@@ -29,6 +29,11 @@ impl People {
         }
     }
 
+    /// Gives no numbers of tracks and events below these.
+    pub fn counting_from(self, track: u64, event: u64) -> Self {
+        Self { tracker: self.tracker.counting_from(track), events: self.events.counting_from(event) }
+    }
+
     /// Where people are expected at a frame's time, in seconds.
     pub fn predictions(&self, seconds: f64) -> impl Iterator<Item = Prediction> + '_ {
         self.tracker.predictions(seconds)

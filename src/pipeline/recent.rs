@@ -52,24 +52,17 @@ pub struct TrackHistory {
     pub events: Vec<Event>,
 }
 
-/// Some of the kept events.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-pub struct EventPage {
-    /// The events asked for, the first first.
-    pub events: Vec<Event>,
-    /// Number of the oldest one that is kept; none if nothing has happened.
-    #[schema(required)]
-    pub oldest: Option<u64>,
-    /// Number of the newest one.
-    #[schema(required)]
-    pub newest: Option<u64>,
-}
-
 impl Recent {
     /// Keeps so many seconds of each path.
     pub fn new(history_s: f64) -> Self {
-        let history = SignedDuration::try_from_secs_f64(history_s).unwrap_or(SignedDuration::ZERO);
-        Self { history, events: VecDeque::new(), tracks: Vec::new() }
+        let mut recent = Self { history: SignedDuration::ZERO, events: VecDeque::new(), tracks: Vec::new() };
+        recent.keep(history_s);
+        recent
+    }
+
+    /// Keeps so many from now on.
+    pub fn keep(&mut self, history_s: f64) {
+        self.history = SignedDuration::try_from_secs_f64(history_s).unwrap_or(SignedDuration::ZERO);
     }
 
     /// Takes an update in.
@@ -109,16 +102,12 @@ impl Recent {
     }
 
     /// The first `limit` events after number `after`; without one, the newest.
-    pub fn events(&self, after: Option<u64>, limit: usize) -> EventPage {
+    pub fn events(&self, after: Option<u64>, limit: usize) -> Vec<Event> {
         let first = match after {
             Some(after) => self.events.partition_point(|event| event.sequence <= after),
             None => self.events.len().saturating_sub(limit),
         };
-        EventPage {
-            events: self.events.range(first..).take(limit).cloned().collect(),
-            oldest: self.events.front().map(|event| event.sequence),
-            newest: self.events.back().map(|event| event.sequence),
-        }
+        self.events.range(first..).take(limit).cloned().collect()
     }
 
     /// What is kept of a track, with the newest update's `current` ones; none if it is not known, or no longer.
@@ -165,20 +154,18 @@ mod tests {
     }
 
     #[test]
-    fn events_are_numbered_pages_of_the_last_thousand() {
+    fn events_are_told_of_the_last_thousand() {
         let mut recent = Recent::new(10.0);
-        assert_eq!(recent.events(None, 5), EventPage { events: Vec::new(), oldest: None, newest: None });
+        assert_eq!(recent.events(None, 5), []);
         for k in 0..300 {
             recent.take(&update(k, &[], 5 * k as u64..5 * (k as u64 + 1)));
         }
-        let numbers = |after, limit| recent.events(after, limit).events.iter().map(|e| e.sequence).collect::<Vec<_>>();
+        let numbers = |after, limit| recent.events(after, limit).iter().map(|e| e.sequence).collect::<Vec<_>>();
         assert_eq!(numbers(None, 3), [1497, 1498, 1499]);
         assert_eq!(numbers(Some(1200), 2), [1201, 1202]);
         assert_eq!(numbers(Some(3), 2), [500, 501], "what is no longer kept is missing");
         assert_eq!(numbers(Some(1499), 2), [0; 0]);
         assert_eq!(numbers(Some(u64::MAX), 2), [0; 0]);
-        let page = recent.events(Some(5000), 1);
-        assert_eq!((page.oldest, page.newest), (Some(500), Some(1499)));
     }
 
     #[test]

@@ -10,6 +10,8 @@ use crate::measurement::{Calibration, Check};
 pub struct Setup {
     config: Config,
     kept: Option<KeptBackground>,
+    /// The first numbers of tracks and events.
+    first: [u64; 2],
 }
 
 #[derive(Clone)]
@@ -21,13 +23,24 @@ struct KeptBackground {
 impl Setup {
     /// With everything but the calibration.
     pub fn new(config: Config) -> Self {
-        Self { config, kept: None }
+        Self { config, kept: None, first: [1, 0] }
     }
 
     /// Keeps the background in `file`, for as long as what `settings` says of the camera stays the same.
     pub fn keeping(mut self, file: PathBuf, settings: impl Fn() -> String + Send + Sync + 'static) -> Self {
         self.kept = Some(KeptBackground { file, settings: Arc::new(settings) });
         self
+    }
+
+    /// Gives no numbers of tracks and events below these.
+    pub fn counting_from(mut self, track: u64, event: u64) -> Self {
+        self.first = [track, event];
+        self
+    }
+
+    /// The same with another configuration; what is kept where stays.
+    pub fn with(&self, config: Config) -> Self {
+        Self { config, ..self.clone() }
     }
 
     /// What a calibration would be worth.
@@ -43,8 +56,9 @@ impl Setup {
         let store = self.kept.clone().map(|KeptBackground { file, settings }| {
             BackgroundStore::new(file, move || format!("{calibration:?}; {}", settings()))
         });
-        let engine =
-            Engine::new(reader, Reconstructor::new(Arc::new(model), true)).following(People::new(&self.config));
+        let [track, event] = self.first;
+        let people = People::new(&self.config).counting_from(track, event);
+        let engine = Engine::new(reader, Reconstructor::new(Arc::new(model), true)).following(people);
         Ok(engine.averaging(&self.config.averaging).rolling(&self.config.background, store))
     }
 

@@ -1,7 +1,7 @@
 //! The zones in use: replaced and kept on disk while frames go on.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -41,11 +41,15 @@ pub enum ZonesRefused {
 
 /// Replaces zones and keeps them.
 pub struct ZoneKeeper {
-    configured: Vec<Zone>,
     file: Option<PathBuf>,
     hub: Arc<Hub>,
     control: Control,
-    origin: Mutex<ZoneOrigin>,
+    state: Mutex<State>,
+}
+
+struct State {
+    configured: Vec<Zone>,
+    origin: ZoneOrigin,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -63,7 +67,7 @@ impl ZoneKeeper {
         hub: Arc<Hub>,
         control: Control,
     ) -> Self {
-        Self { configured, file, hub, control, origin: Mutex::new(origin) }
+        Self { file, hub, control, state: Mutex::new(State { configured, origin }) }
     }
 
     /// What a file keeps; none if nothing was kept.
@@ -81,13 +85,22 @@ impl ZoneKeeper {
 
     /// Where those in use come from.
     pub fn origin(&self) -> ZoneOrigin {
-        *self.origin.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state().origin
+    }
+
+    /// Takes over the zones of a configuration that was read again; those that were drawn stay in use.
+    pub fn reconfigure(&self, zones: Vec<Zone>) {
+        let mut state = self.state();
+        state.configured.clone_from(&zones);
+        if state.origin == ZoneOrigin::Config {
+            self.go_on_with(zones);
+        }
     }
 
     /// Uses other zones from the next frame on, and keeps them if there is a place to.
     pub fn replace(&self, zones: Vec<Zone>) -> Result<(), ZonesRefused> {
         check_zones(&zones)?;
-        let mut origin = self.origin.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.state();
         let next = match &self.file {
             Some(file) => {
                 let mut text = serde_json::to_vec_pretty(&Kept { zones: zones.clone() }).unwrap_or_default();
@@ -98,13 +111,13 @@ impl ZoneKeeper {
             None => ZoneOrigin::Run,
         };
         self.go_on_with(zones);
-        *origin = next;
+        state.origin = next;
         Ok(())
     }
 
     /// Goes back to the configuration's zones and forgets what was kept.
     pub fn forget(&self) -> Result<(), ZonesRefused> {
-        let mut origin = self.origin.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.state();
         if let Some(file) = &self.file {
             match std::fs::remove_file(file) {
                 Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
@@ -113,9 +126,13 @@ impl ZoneKeeper {
                 _ => {}
             }
         }
-        self.go_on_with(self.configured.clone());
-        *origin = ZoneOrigin::Config;
+        self.go_on_with(state.configured.clone());
+        state.origin = ZoneOrigin::Config;
         Ok(())
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// At once for whoever asks, with the next frame for the tracks; where none comes any more, nobody is in a zone either.

@@ -16,7 +16,9 @@ use super::problem::Problem;
 use super::tag::{self, Tag};
 use crate::config::Config;
 use crate::geometry::{Doorway, Point, Room};
+use crate::history::HistoryReport;
 use crate::pipeline::{Command, Published, Status, Update, Watched};
+use crate::publish::PublishReport;
 use crate::render::RenderError;
 use crate::schema;
 use crate::tracking::Zone;
@@ -52,10 +54,23 @@ struct PatchReport {
     pixels: usize,
 }
 
+/// How doorcam is doing.
+#[derive(Serialize, ToSchema)]
+pub(super) struct StatusReport {
+    /// The watch.
+    #[serde(flatten)]
+    watch: Status,
+    /// How events and occupancy are kept.
+    history: HistoryReport,
+    /// Who is told of them.
+    publish: PublishReport,
+}
+
 /// State, source, counts of frames, rates.
-#[utoipa::path(get, path = "/status", tag = STATE, responses((status = 200, description = "The state", body = Status)))]
-pub(super) async fn status(State(shared): State<Shared>) -> Json<Status> {
-    Json(shared.hub.status(shared.clients.load(Ordering::Relaxed)))
+#[utoipa::path(get, path = "/status", tag = STATE, responses((status = 200, description = "The state", body = StatusReport)))]
+pub(super) async fn status(State(shared): State<Shared>) -> Json<StatusReport> {
+    let watch = shared.hub.status(shared.clients.load(Ordering::Relaxed));
+    Json(StatusReport { watch, history: shared.history.report(), publish: shared.publishers.report() })
 }
 
 /// Doorway, room, patches and facets. 404 before there is a calibration.
@@ -162,7 +177,8 @@ async fn picture(
 /// The configuration in use, defaults included and secrets left out.
 #[utoipa::path(get, path = "/config", tag = SETUP, responses((status = 200, description = "The configuration", body = Config), (status = 304, description = UNCHANGED)))]
 pub(super) async fn config(State(shared): State<Shared>, asked: HeaderMap) -> Response {
-    tag::json(&asked, &shared.config.redacted())
+    // Nothing in it is secret: it names files with secrets, and a webhook's address is written without its path.
+    tag::json(&asked, &*shared.config.borrow())
 }
 
 /// Learns the empty room anew, from the next frame on.

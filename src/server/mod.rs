@@ -6,6 +6,7 @@ mod assets;
 mod calibration;
 mod connections;
 mod frame;
+mod history;
 mod live;
 mod openapi;
 mod people;
@@ -45,7 +46,9 @@ pub use self::openapi::{live_schema_json, openapi_json};
 use self::pictures::Pictures;
 use self::problem::Problem;
 use crate::config::{Config, ServerConfig};
+use crate::history::History;
 use crate::pipeline::{Calibrator, Control, Hub, Recordings, ZoneKeeper};
+use crate::publish::Publishers;
 
 /// Why the server is not there.
 #[derive(Debug, thiserror::Error)]
@@ -67,13 +70,17 @@ pub struct Backend {
     /// The frame loop.
     pub control: Control,
     /// The calibration.
-    pub calibrator: Calibrator,
-    /// The configuration in use.
-    pub config: Config,
+    pub calibrator: Arc<Calibrator>,
+    /// The configuration in use; it changes when it is read again.
+    pub config: watch::Receiver<Config>,
     /// Recordings of what the source gives.
     pub recordings: Arc<Recordings>,
     /// The zones.
-    pub zones: ZoneKeeper,
+    pub zones: Arc<ZoneKeeper>,
+    /// Events and occupancy.
+    pub history: History,
+    /// Whoever is told of them.
+    pub publishers: Publishers,
     /// The recorder of `/metrics`; none for none.
     pub metrics: Option<PrometheusHandle>,
 }
@@ -84,9 +91,11 @@ struct Shared {
     hub: Arc<Hub>,
     control: Control,
     calibrator: Arc<Calibrator>,
-    config: Arc<Config>,
+    config: watch::Receiver<Config>,
     recordings: Arc<Recordings>,
     zones: Arc<ZoneKeeper>,
+    history: History,
+    publishers: Publishers,
     metrics: Option<PrometheusHandle>,
     pictures: Arc<Pictures>,
     encoded: Arc<frame::Encoded>,
@@ -141,17 +150,24 @@ impl Server {
         format!("{}://{}", if self.tls.is_some() { "https" } else { "http" }, self.address)
     }
 
+    /// Who may see and change what.
+    pub fn access(&self) -> Arc<Access> {
+        Arc::clone(&self.access)
+    }
+
     /// Serves until `end` completes, then tells clients and gives them a moment to leave.
     pub async fn serve(self, backend: Backend, end: impl Future<Output = ()>) {
-        let Backend { hub, control, calibrator, config, recordings, zones, metrics } = backend;
+        let Backend { hub, control, calibrator, config, recordings, zones, history, publishers, metrics } = backend;
         let (tell, ending) = watch::channel(false);
         let shared = Shared {
             hub,
             control,
-            calibrator: Arc::new(calibrator),
-            config: Arc::new(config),
+            calibrator,
+            config,
             recordings,
-            zones: Arc::new(zones),
+            zones,
+            history,
+            publishers,
             metrics,
             pictures: Arc::default(),
             encoded: Arc::default(),
@@ -183,7 +199,8 @@ fn described() -> OpenApiRouter<Shared> {
         .routes(routes!(signal::signal))
         .routes(routes!(people::tracks))
         .routes(routes!(people::track))
-        .routes(routes!(people::events))
+        .routes(routes!(history::events))
+        .routes(routes!(history::occupancy))
         .routes(routes!(people::zones, zones::put, zones::delete))
         .routes(routes!(recording::get, recording::post, recording::delete))
         .routes(routes!(uncertainty::uncertainty))

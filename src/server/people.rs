@@ -1,22 +1,18 @@
 use axum::Json;
-use axum::extract::rejection::{PathRejection, QueryRejection};
-use axum::extract::{Path, Query, State};
+use axum::extract::rejection::PathRejection;
+use axum::extract::{Path, State};
 use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
-use serde::{Deserialize, Serialize};
-use utoipa::{IntoParams, ToSchema};
+use serde::Serialize;
+use utoipa::ToSchema;
 
 use super::Shared;
-use super::openapi::{Malformed, PEOPLE, Unknown};
+use super::openapi::{PEOPLE, Unknown};
 use super::problem::Problem;
 use crate::geometry::Point;
-use crate::pipeline::{self, EventPage, Hub, TrackHistory, ZoneOrigin};
+use crate::pipeline::{self, Hub, TrackHistory, ZoneOrigin};
 use crate::schema;
 use crate::tracking::{Track, Zone};
-
-/// Events that one request gets unless it says otherwise, and at most.
-const EVENTS: usize = 100;
-const MOST_EVENTS: usize = 1000;
 
 /// Who is where.
 #[derive(Serialize, ToSchema)]
@@ -74,18 +70,6 @@ struct Occupied {
     tracks: Vec<u64>,
 }
 
-/// Which events somebody asks for.
-#[derive(Deserialize, IntoParams)]
-#[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
-pub(super) struct Wanted {
-    /// Those that follow the event of this number; without it, the newest.
-    after: Option<u64>,
-    /// So many at most.
-    #[param(minimum = 1, maximum = 1000, default = 100)]
-    limit: Option<usize>,
-}
-
 /// Who is where.
 #[utoipa::path(get, path = "/tracks", tag = PEOPLE, responses((status = 200, description = "The tracks", body = Tracks)))]
 pub(super) async fn tracks(State(shared): State<Shared>) -> Response {
@@ -107,27 +91,6 @@ pub(super) async fn track(State(shared): State<Shared>, id: Result<Path<u64>, Pa
             None => unknown(&id.to_string()).into_response(),
         },
         Err(_) => Problem::not_found("a track's id is a whole number").into_response(),
-    }
-}
-
-/// Who came, went and stayed.
-///
-/// `oldest` and `newest` number the first and last event that are kept: who asked after a number below `oldest` - 1 has
-/// missed some.
-#[utoipa::path(
-    get, path = "/events", tag = PEOPLE, params(Wanted),
-    responses((status = 200, description = "The events", body = EventPage), (status = 400, response = Malformed))
-)]
-pub(super) async fn events(State(shared): State<Shared>, wanted: Result<Query<Wanted>, QueryRejection>) -> Response {
-    let expected = format!("expected after=NUMBER of an event, limit=1 to {MOST_EVENTS}, or neither");
-    match wanted {
-        Ok(Query(Wanted { after, limit }))
-            if limit.is_none_or(|limit| (1..=MOST_EVENTS).contains(&limit))
-                && after.is_none_or(|after| i64::try_from(after).is_ok()) =>
-        {
-            Json(shared.hub.events(after, limit.unwrap_or(EVENTS))).into_response()
-        }
-        _ => Problem::bad_request(&expected).into_response(),
     }
 }
 

@@ -11,9 +11,11 @@ import { visit } from "./visit.js";
 /** @import { TestContext } from "node:test" */
 /** @import { BrowserContextOptions, Page } from "playwright-core" */
 /** @import { Mock } from "./mock.js" */
-/** @import { RoomEvent } from "../../web/types.js" */
+/** @import { OccupancySpan, RoomEvent } from "../../web/types.js" */
 
 const MINUTE = 60_000;
+
+const ago = (/** @type {number} */ now, /** @type {number} */ minutes) => new Date(now - minutes * MINUTE).toISOString();
 
 /**
  * @param {number} now
@@ -21,7 +23,7 @@ const MINUTE = 60_000;
  */
 function evening(now) {
   const event = (/** @type {number} */ sequence, /** @type {RoomEvent["kind"]} */ kind, /** @type {number} */ minutesAgo, /** @type {number} */ track, /** @type {string | null} */ zone = null) =>
-    ({ sequence, kind, time: new Date(now - minutesAgo * MINUTE).toISOString(), track, x_m: -0.5, y_m: 1.25, zone });
+    ({ sequence, kind, time: ago(now, minutesAgo), track, x_m: -0.5, y_m: 1.25, zone });
   return [
     event(0, "enter", 50, 3),
     event(1, "enter", 40, 4),
@@ -34,6 +36,20 @@ function evening(now) {
 }
 
 /**
+ * The same as occupancy: watched for 55 minutes, and until some time later.
+ * @param {number} now
+ * @returns {OccupancySpan[]}
+ */
+function occupied(now) {
+  const counts = (/** @type {number} */ first, /** @type {string | null} */ zone, /** @type {[number, number][]} */ changes) =>
+    changes.slice(0, -1).map(([minutesAgo, people], k) => ({ id: first + k, zone, people, from: ago(now, minutesAgo), to: ago(now, changes[k + 1][0]) }));
+  return [
+    ...counts(0, null, [[55, 0], [50, 1], [40, 2], [30, 1], [10, 0], [2, 1], [-5, 0]]),
+    ...counts(10, "bed, left", [[55, 0], [38, 1], [12, 0], [-5, 0]]),
+  ];
+}
+
+/**
  * @param {TestContext} t
  * @param {BrowserContextOptions} [options]
  * @param {(mock: Mock) => void} [prepare]
@@ -41,8 +57,8 @@ function evening(now) {
 async function looking(t, options, prepare) {
   const now = Date.now();
   const visited = await visit(t, options, (mock) => {
-    mock.status.uptime_s = 55 * 60;
     mock.events = evening(now);
+    mock.spans = occupied(now);
     mock.geometry.zones = [{ name: "bed, left", polygon_m: [[-1, 1], [0, 1], [0, 2]] }];
     prepare?.(mock);
   }, "#history");
@@ -67,9 +83,9 @@ describe("history", () => {
   test("says who was where at any time that is scrubbed to", async (t) => {
     const { page, complaints } = await looking(t);
     assert.match(await page.locator("#history-when").innerText(), /^Now, /);
-    assert.match(await page.locator("#history-who").innerText(), /Room: 1 person \(5\)\s+bed, left: 0 people/);
-    assert.match(await scrub(page, 35), /Room: 2 people \(3, 4\)\s+bed, left: 1 person \(4\)/);
-    assert.match(await scrub(page, 20), /Room: 1 person \(4\)\s+bed, left: 1 person \(4\)/);
+    assert.match(await page.locator("#history-who").innerText(), /Room: 1 person\s+bed, left: 0 people/);
+    assert.match(await scrub(page, 35), /Room: 2 people\s+bed, left: 1 person/);
+    assert.match(await scrub(page, 20), /Room: 1 person\s+bed, left: 1 person/);
     assert.match(await scrub(page, 5), /Room: 0 people\s+bed, left: 0 people/);
     assert.match(await scrub(page, 58), /Room: not watched\s+bed, left: not watched/, "before the daemon began");
     assert.match(await scrub(page, 20), /Room: 1/);
@@ -108,8 +124,9 @@ describe("history", () => {
     assert.match((await slider.getAttribute("aria-valuetext")) ?? "", /; Room: not watched; /);
     await page.keyboard.press("End");
     await page.locator("#history-when", { hasText: /^Now, / }).waitFor();
+    mock.spans[5] = { ...mock.spans[5], people: 2 };
     mock.events.push({ ...mock.events[6], sequence: 7, track: 6, time: new Date(now + 1).toISOString() });
-    await page.locator("#history-who", { hasText: "Room: 2 people (5, 6)" }).waitFor();
+    await page.locator("#history-who", { hasText: "Room: 2 people" }).waitFor();
     await page.locator("#history-rows tr", { hasText: "Person 6" }).waitFor();
   });
 
@@ -133,9 +150,8 @@ describe("history", () => {
     assert.deepEqual(complaints, []);
   });
 
-  test("asks a daemon that keeps a history for the time that is shown", async (t) => {
+  test("asks for the time that is shown", async (t) => {
     const { mock, page, complaints } = await looking(t, {}, (mock) => {
-      mock.status.history = { kept: true };
       const span = (/** @type {number} */ id, /** @type {number} */ from, /** @type {number} */ to, /** @type {number} */ people, /** @type {string | null} */ zone = null) =>
         ({ id, zone, people, from: new Date(Date.now() - from * MINUTE).toISOString(), to: new Date(Date.now() - to * MINUTE).toISOString() });
       mock.spans = [span(1, 55, 45, 0), span(2, 45, 25, 3), span(3, 90, 70, 1), span(4, 45, 30, 2, "bed, left")];
@@ -150,6 +166,16 @@ describe("history", () => {
     await page.locator("#history-when", { hasText: /^Now, / }).waitFor();
     assert.ok(mock.requests.some((path) => path.endsWith("/occupancy")));
     assert.deepEqual(complaints, []);
+  });
+
+  test("says where it is kept, and when it is not where it should be", async (t) => {
+    const { mock, page } = await looking(t);
+    const kept = page.locator("#history-kept");
+    assert.equal(await kept.innerText(), "Kept in /var/lib/doorcam/history.sqlite, 1.2 MB.");
+    mock.status.history = { ...mock.status.history, state: "memory", reason: "/var/lib/doorcam/history.sqlite: database or disk is full", lost: 3 };
+    await page.locator("#history-kept.trouble", { hasText: "In memory, until doorcam ends: /var/lib/doorcam/history.sqlite: database or disk is full. 3 entries could not be kept." }).waitFor();
+    mock.status.history = { state: "memory", reason: "of recordings and simulations, a history is kept only in a file", file: null, bytes: 0, lost: 0 };
+    await page.locator("#history-kept:not(.trouble)", { hasText: "In memory" }).waitFor();
   });
 
   /** @type {[string, BrowserContextOptions][]} */

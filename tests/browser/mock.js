@@ -96,7 +96,7 @@ export class Mock {
     this.drawn = [];
     /** @type {RoomEvent[]} */
     this.events = [];
-    /** @type {OccupancySpan[]} Of a daemon that keeps a history. */
+    /** @type {OccupancySpan[]} */
     this.spans = [];
     /** @type {object | null} Its OpenAPI document. */
     this.description = null;
@@ -184,7 +184,7 @@ export class Mock {
     if (name === "openapi.json" && this.description) return json(response, this.description);
     if (name === "session") return json(response, this.session);
     if (name === "events") return json(response, this.#eventPage(wanted));
-    if (name === "occupancy" && this.status.history) {
+    if (name === "occupancy") {
       const zone = wanted.get("zone");
       const spans = this.spans.filter((span) => span.zone === zone && inTime(span.to, wanted) && span.from < (wanted.get("to") ?? ""));
       return json(response, { spans, next: null });
@@ -248,11 +248,11 @@ export class Mock {
     const { events } = this;
     const after = Number(wanted.get("after") ?? -1);
     const limit = Number(wanted.get("limit") ?? 100);
-    const found = events.filter(({ sequence, time }) => sequence > after && (!this.status.history || (inTime(time, wanted) && time < (wanted.get("to") ?? "Z"))));
+    const found = events.filter(({ sequence, time }) => sequence > after && inTime(time, wanted) && time < (wanted.get("to") ?? "Z"));
     const paged = wanted.has("after") || wanted.has("from");
     const page = paged ? found.slice(0, limit) : found.slice(-limit);
     const next = paged && found.length > limit ? page[page.length - 1].sequence : null;
-    return { events: page, oldest: events[0]?.sequence ?? null, newest: events.at(-1)?.sequence ?? null, ...(this.status.history !== undefined && { next }) };
+    return { events: page, oldest: events[0]?.sequence ?? null, newest: events.at(-1)?.sequence ?? null, next };
   }
 
   /** @returns {ZonesDocument} */

@@ -60,6 +60,8 @@ export function status() {
     last_update: null,
     clients: 1,
     recording: null,
+    history: { state: "stored", reason: null, file: "/var/lib/doorcam/history.sqlite", bytes: 1_200_000, lost: 0 },
+    publish: { mqtt: null, webhooks: [] },
     zones_revision: 0,
     calibrated: true,
     calibration_revision: 1,

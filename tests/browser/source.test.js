@@ -43,6 +43,24 @@ describe("source", () => {
     });
   }
 
+  test("says how other systems are told of what happens, where there are any", async (t) => {
+    const { mock, page, complaints } = await visit(t, {});
+    mock.send(update(1, []));
+    await reaches(page, "live");
+    assert.equal(await page.locator("#broker, #hooks").filter({ visible: true }).count(), 0);
+    const hook = (/** @type {number} */ dead, /** @type {string | null} */ error) => ({ url: "https://example.org/...", waiting: 1, delivered: 20, dead, error });
+    mock.status.publish = {
+      mqtt: { state: "connecting", broker: "mqtt://hub:1883", topic: "doorcam/hall", error: "Connection refused" },
+      webhooks: [hook(0, null), hook(2, "it answered 404 Not Found")],
+    };
+    await page.locator("#broker", { hasText: "Connection refused" }).waitFor();
+    assert.equal(await page.locator("#hooks").innerText(), "40 delivered, 2 waiting, 2 given up; it answered 404 Not Found");
+    mock.status.publish = { mqtt: { state: "connected", broker: "mqtt://hub:1883", topic: "doorcam/hall", error: null }, webhooks: [] };
+    await page.locator("#broker", { hasText: "connected, doorcam/hall" }).waitFor();
+    assert.equal(await page.locator("#hooks").isVisible(), false);
+    assert.deepEqual(complaints, []);
+  });
+
   test("says before the first picture that the camera is not there", async (t) => {
     const { mock, page, complaints } = await visit(t, {}, (mock) => {
       onCamera(mock);

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use doorcam::geometry::Doorway;
-use doorcam::source::recording::{Layout, Manifest, Transfer};
+use doorcam::source::recording::{FloorPoint, Layout, Manifest, Transfer};
 
 /// A path below the reference data, or none, saying so, if this machine does not have it.
 pub fn data(path: &str) -> Option<PathBuf> {
@@ -115,6 +115,29 @@ pub fn grey_recording(manifest: &Manifest, frames: usize) -> tempfile::TempDir {
     dir
 }
 
+/// A camera's recording of a floor of one grey; beside the patches, its left end has another grey in each frame.
+pub fn camera_recording(frames: u8) -> tempfile::TempDir {
+    let corners = [[-0.4, 0.0], [0.4, 0.0], [-0.4, -0.4], [0.4, -0.4]];
+    // 400 pixels a metre, from straight above.
+    let see = |[x, y]: [f64; 2]| [320.0 + 400.0 * x, 40.0 - 400.0 * y];
+    let manifest = Manifest {
+        layout: Layout::Camera,
+        size: Some([640, 240]),
+        floor_points: corners.map(|floor_m| FloorPoint { pixel: see(floor_m), floor_m }).to_vec(),
+        fov_m: None,
+        ..manifest()
+    };
+    let dir = tempfile::tempdir().unwrap();
+    manifest.write(dir.path()).unwrap();
+    std::fs::create_dir(dir.path().join("frames")).unwrap();
+    for index in 0..frames {
+        let grey = |x: u32| if x < 64 { 40 + 30 * index } else { 120 };
+        let image = image::RgbImage::from_fn(640, 240, |x, _| image::Rgb([grey(x); 3]));
+        image.save(dir.path().join(format!("frames/{index:08}.jpg"))).unwrap();
+    }
+    dir
+}
+
 /// The program, with its arguments; the tokens of whoever runs the tests are not its own.
 pub fn doorcam<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_doorcam"));
@@ -175,6 +198,12 @@ impl Daemon {
     /// The process.
     pub fn id(&self) -> u32 {
         self.child.id()
+    }
+
+    /// Sends it a signal, by its name without SIG.
+    pub fn signal(&self, name: &str) {
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").args([&format!("-{name}"), &id]).status().expect("kill").success());
     }
 
     /// What it has said on stderr so far.
@@ -254,8 +283,7 @@ impl Daemon {
     /// Asks it to end, as a service manager does; returns how long that took and its exit status.
     pub fn terminate(&mut self) -> (Duration, Option<i32>) {
         let start = Instant::now();
-        let id = self.child.id().to_string();
-        assert!(Command::new("kill").args(["-TERM", &id]).status().expect("kill").success());
+        self.signal("TERM");
         let status = self.child.wait().expect("it ends");
         (start.elapsed(), status.code())
     }

@@ -1,5 +1,5 @@
 import { getEvents, getOccupancy } from "../api.js";
-import { laneOfSpans, lanesOfEvents } from "./occupancy.js";
+import { laneOfSpans } from "./occupancy.js";
 
 /** @import { OccupancySpan, RoomEvent } from "../types.js" */
 /** @import { Lane } from "./occupancy.js" */
@@ -15,35 +15,21 @@ export class HistoryStore {
     this.events = [];
     /** @type {Lane[]} */
     this.lanes = [];
-    /** @type {number | null} Before it, nothing is known; null: nothing was asked yet. */
-    this.knownFrom = null;
   }
 
   /**
    * @param {object} wanted
    * @param {number} wanted.from  ms since 1970
    * @param {number} wanted.to
-   * @param {number} wanted.startedAt  of the daemon
-   * @param {boolean} wanted.kept  the daemon keeps a history beyond its run, and can be asked by time
    * @param {string[]} wanted.zones
    */
-  async load({ from, to, startedAt, kept, zones }) {
+  async load({ from, to, zones }) {
     const span = { from: new Date(from).toISOString(), to: new Date(to).toISOString() };
-    if (kept) {
-      this.events = await pages((after) => getEvents({ ...span, limit: PAGE, ...after }), (page) => page.events);
-      this.knownFrom = from;
-      this.lanes = await Promise.all([null, ...zones].map(async (zone) => {
-        const spans = await pages((after) => getOccupancy({ ...span, limit: PAGE, ...(zone !== null && { zone }), ...after }), (page) => page.spans);
-        return laneOfSpans(/** @type {OccupancySpan[]} */ (spans), zone);
-      }));
-      return;
-    }
-    const page = await getEvents({ limit: PAGE });
-    // Of what came before the oldest event that is kept, nothing is known.
-    const forgotten = page.oldest !== null && page.oldest > 0 && page.events.length > 0;
-    this.knownFrom = Math.max(startedAt, forgotten ? Date.parse(page.events[0].time) : 0);
-    this.lanes = lanesOfEvents(page.events, zones, this.knownFrom, to);
-    this.events = page.events.filter(({ time }) => Date.parse(time) >= from && Date.parse(time) < to);
+    this.events = await pages((after) => getEvents({ ...span, limit: PAGE, ...after }), (page) => page.events);
+    this.lanes = await Promise.all([null, ...zones].map(async (zone) => {
+      const spans = await pages((after) => getOccupancy({ ...span, limit: PAGE, ...(zone !== null && { zone }), ...after }), (page) => page.spans);
+      return laneOfSpans(/** @type {OccupancySpan[]} */ (spans), zone);
+    }));
   }
 }
 

@@ -1,6 +1,6 @@
 import { Refusal } from "../api.js";
 import { byId, resizeList, setText, setUnavailable, tableRow } from "../dom.js";
-import { integer, plural, position } from "../format.js";
+import { fixed, integer, plural, position } from "../format.js";
 import { csvOf, download } from "./export.js";
 import { stretchAt } from "./occupancy.js";
 import { HistoryStore } from "./store.js";
@@ -75,12 +75,23 @@ export class HistoryView {
     this.askedS = nowS;
     this.to = this.until ?? daemonMs;
     this.from = this.to - 60_000 * this.#minutes;
-    const startedAt = daemonMs - 1000 * status.uptime_s;
-    void this.#load({ from: this.from, to: this.to, startedAt, kept: status.history !== undefined, zones: zones.map(({ name }) => name) });
+    this.#tellKept(status.history);
+    void this.#load({ from: this.from, to: this.to, zones: zones.map(({ name }) => name) });
   }
 
   get #minutes() {
     return Number(document.querySelector("input[name=span]:checked")?.getAttribute("value"));
+  }
+
+  /**
+   * Where it is kept, and that it is not where it should be.
+   * @param {Status["history"]} history
+   */
+  #tellKept({ state, reason, file, bytes, lost }) {
+    const missing = lost > 0 ? ` ${plural(lost, "entry").replace("entrys", "entries")} could not be kept.` : "";
+    const words = state === "stored" ? `Kept in ${file}, ${fixed(bytes / 1e6, 1)} MB.` : `In memory, until doorcam ends: ${reason ?? ""}.`;
+    setText(byId("history-kept"), words + missing);
+    byId("history-kept").classList.toggle("trouble", missing !== "" || (state === "memory" && file !== null));
   }
 
   /** @param {Parameters<HistoryStore["load"]>[0]} wanted */
@@ -128,8 +139,7 @@ export class HistoryView {
     if (document.activeElement !== this.slider || this.cursor === null) this.slider.value = String(share);
     const words = lanes.map((lane) => {
       const stretch = stretchAt(lane, at);
-      const who = stretch && stretch.tracks.length > 0 ? ` (${stretch.tracks.join(", ")})` : "";
-      return `${lane.zone ?? "Room"}: ${stretch ? plural(stretch.people, "person").replace("persons", "people") + who : "not watched"}`;
+      return `${lane.zone ?? "Room"}: ${stretch ? plural(stretch.people, "person").replace("persons", "people") : "not watched"}`;
     });
     const when = `${new Date(at).toLocaleDateString("en-GB", { weekday: "short", day: "numeric", month: "short" })} ${clockTime(at, true)}`;
     this.slider.setAttribute("aria-valuetext", [when, ...words].join("; "));

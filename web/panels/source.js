@@ -8,7 +8,7 @@ import { sourceWords } from "../source-words.js";
  * Where the pictures come from, how that is going, and what to do when it is not.
  * @param {Status} status
  */
-export function showSource({ source, background }) {
+export function showSource({ source, background, publish }) {
   const { now, trouble, advice } = sourceWords(source);
   byId("source").hidden = false;
   setText(byId("source-spec"), source.spec);
@@ -28,6 +28,12 @@ export function showSource({ source, background }) {
   resizeList(list, mismatches.length, () => document.createElement("li"));
   mismatches.forEach((mismatch, row) => setText(list.children[row], mismatch));
   show("background-row", "background", background ? ofFrames(background) : null);
+  const { mqtt, webhooks } = publish;
+  show("broker-row", "broker", mqtt && (mqtt.state === "connected" ? `connected, ${mqtt.topic}` : `${mqtt.error ?? "connecting"}`));
+  const total = (/** @type {"delivered" | "waiting" | "dead"} */ what) => webhooks.reduce((sum, hook) => sum + hook[what], 0);
+  const failed = webhooks.find(({ error }) => error)?.error;
+  const counts = `${total("delivered")} delivered, ${total("waiting")} waiting, ${total("dead")} given up${failed ? `; ${failed}` : ""}`;
+  show("hooks-row", "hooks", webhooks.length > 0 ? counts : null);
   setText(byId("health-words"), `${now}${background ? `, background ${ofFrames(background)}` : ""}`);
 }
 

@@ -53,7 +53,7 @@ fn needed(method: &Method, path: &str) -> Option<Scope> {
 impl Access {
     /// What the sender of a request may do.
     pub(super) fn scope_of(&self, headers: &HeaderMap, peer: Peer) -> Result<Scope, Refusal> {
-        if self.tokens.is_empty() {
+        if self.tokens().is_empty() {
             return Ok(Scope::Control);
         }
         let now = Instant::now();
@@ -69,7 +69,7 @@ impl Access {
         if let Some(rest) = self.attempts.barred(address, now) {
             return Err(Refusal::Later(rest));
         }
-        let scope = self.tokens.scope_of(token);
+        let scope = self.tokens().scope_of(token);
         if scope.is_none() && self.attempts.note(address, now) {
             tracing::warn!("{address}: too many wrong tokens, none from there is looked at for a while");
         }

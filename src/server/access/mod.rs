@@ -15,7 +15,7 @@ mod tokens;
 
 use std::ffi::OsString;
 use std::net::SocketAddr;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 use std::time::Duration;
 
 use axum::http::HeaderValue;
@@ -74,6 +74,9 @@ pub enum AccessError {
     /// An origin that cannot be one.
     #[error("access.allowed_origins has \"{0}\", expected scheme and host, such as \"https://door.lan\"")]
     Origin(String),
+    /// Tokens where there were none, or none any more.
+    #[error("whether a token is needed at all changes with a restart only")]
+    Presence,
     /// A file that cannot be read, or that others can.
     #[error("{0}")]
     Secret(String),
@@ -82,7 +85,7 @@ pub enum AccessError {
 /// Who may see and change what.
 #[derive(Debug)]
 pub struct Access {
-    tokens: Tokens,
+    tokens: RwLock<Tokens>,
     attempts: Attempts,
     sessions: Sessions,
     cookie_name: String,
@@ -112,7 +115,7 @@ impl Access {
         let origins = config.allowed_origins.iter().map(origin).collect::<Result<_, _>>()?;
         let hosts = Hosts::new(&config.allowed_hosts, listen);
         Ok(Self {
-            tokens,
+            tokens: RwLock::new(tokens),
             attempts: Attempts::default(),
             sessions: Sessions::new(Duration::from_secs_f64(config.session_s)),
             cookie_name: "doorcam".into(),
@@ -130,6 +133,31 @@ impl Access {
         self.tls = tls;
         self.cookie_name = format!("doorcam-{port}");
         self
+    }
+
+    /// Takes the tokens from where they were taken at the start; sessions that were begun with others end. False: they are the same.
+    ///
+    /// Errors as of [`Access::new`]; the tokens before then stay. Whether there are any cannot change.
+    pub fn reload(
+        &self,
+        config: &AccessConfig,
+        environment: impl Fn(&str) -> Option<OsString>,
+    ) -> Result<bool, AccessError> {
+        let next = Tokens::load(config, environment)?;
+        let mut tokens = self.tokens.write().unwrap_or_else(PoisonError::into_inner);
+        if next.is_empty() != tokens.is_empty() {
+            return Err(AccessError::Presence);
+        }
+        let differ = !next.are(&tokens);
+        if differ {
+            *tokens = next;
+            self.sessions.end_all();
+        }
+        Ok(differ)
+    }
+
+    fn tokens(&self) -> RwLockReadGuard<'_, Tokens> {
+        self.tokens.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Whether everybody in the network can see and change everything.

@@ -74,7 +74,7 @@ pub(in crate::server) async fn begin(
         // Not the reader's own words: they could show the token.
         return Problem::bad_request("expected {\"token\": \"...\"}").into_response();
     };
-    if access.tokens.is_empty() {
+    if access.tokens().is_empty() {
         return Json(access.report(peer, &headers)).into_response();
     }
     let now = Instant::now();
@@ -107,7 +107,7 @@ impl Access {
         let session = self.cookie(headers).and_then(|number| self.sessions.get(number, now));
         Report {
             scope: self.scope_of(headers, peer).ok(),
-            token_needed: !self.tokens.is_empty(),
+            token_needed: !self.tokens().is_empty(),
             exposed: self.exposed,
             images: self.images,
             expires_s: session.map(|session| session.end.saturating_duration_since(now).as_secs()),

@@ -56,6 +56,11 @@ impl Sessions {
         open.get(number).copied().filter(|session| session.end > now)
     }
 
+    /// Ends all of them.
+    pub(super) fn end_all(&self) {
+        self.open.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+
     /// Ends one.
     pub(super) fn end(&self, number: &str) {
         self.open.lock().unwrap_or_else(PoisonError::into_inner).remove(number);

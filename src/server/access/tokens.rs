@@ -78,6 +78,15 @@ impl Tokens {
         Ok(Self { control, read })
     }
 
+    /// Whether they are the same.
+    pub(super) fn are(&self, others: &Self) -> bool {
+        let same = |one: Option<Token>, other: Option<Token>| match (one, other) {
+            (Some(one), Some(other)) => one.is(other),
+            (one, other) => one.is_none() && other.is_none(),
+        };
+        same(self.control, others.control) && same(self.read, others.read)
+    }
+
     /// Whether there is none: then nobody needs one.
     pub(super) fn is_empty(&self) -> bool {
         self.control.is_none() && self.read.is_none()

@@ -1,0 +1,90 @@
+//! SIGHUP: the configuration file and the files with tokens are read again while frames go on.
+
+use std::sync::Arc;
+
+use doorcam::config::{Change, Config, Takes};
+use doorcam::history::History;
+use doorcam::pipeline::{Calibrator, Hub, ZoneKeeper};
+use doorcam::server::Access;
+use metrics::{describe_gauge, gauge};
+use tokio::sync::watch;
+
+/// Takes over what was changed and can be.
+pub(super) struct Reloader<Again> {
+    /// Gives the configuration as file and command line have it now.
+    pub(super) again: Again,
+    /// The one in use.
+    pub(super) in_use: watch::Sender<Config>,
+    /// Whether a camera is watched.
+    pub(super) camera: bool,
+    pub(super) access: Arc<Access>,
+    pub(super) calibrator: Arc<Calibrator>,
+    pub(super) zones: Arc<ZoneKeeper>,
+    pub(super) history: History,
+    pub(super) hub: Arc<Hub>,
+}
+
+impl<Again: Fn() -> anyhow::Result<Config>> Reloader<Again> {
+    /// Reads everything again, takes over what can be and says what became of the rest. What cannot be read changes nothing.
+    pub(super) fn reload(&self) {
+        let well = match (self.again)() {
+            Ok(next) => self.take_over(&next),
+            Err(e) => {
+                tracing::error!("{e:#}: the configuration in use stays");
+                false
+            }
+        };
+        describe_gauge!(
+            "doorcam_config_last_reload_successful",
+            "0 after a reload of which something could not be used"
+        );
+        gauge!("doorcam_config_last_reload_successful").set(if well { 1.0 } else { 0.0 });
+    }
+
+    fn take_over(&self, next: &Config) -> bool {
+        let mut used = self.in_use.borrow().clone();
+        let changes = used.changes(next);
+        let keys = |takes: Takes| {
+            let keys = changes.iter().filter(|change| change.takes == takes).map(|Change { key, .. }| key.as_str());
+            keys.collect::<Vec<_>>().join(", ")
+        };
+        let mut well = true;
+        // Tokens are in files of their own, where a change does not show.
+        match self.access.reload(&used.access, |name| std::env::var_os(name)) {
+            Ok(true) => tracing::info!("reloaded: other tokens are in use, and all sessions have ended"),
+            Ok(false) => {}
+            Err(e) => {
+                tracing::error!("{e}: the tokens in use stay");
+                well = false;
+            }
+        }
+        let [now, learning, restart] = [Takes::Nothing, Takes::Learning, Takes::Restart].map(keys);
+        if !now.is_empty() {
+            used.adopt(next, Takes::Nothing);
+            self.zones.reconfigure(used.zones.clone());
+            self.history.limit(used.kept_history(self.camera).limits);
+            tracing::info!("reloaded, in use now: {now}");
+        }
+        if !learning.is_empty() {
+            match self.calibrator.reconfigure(next) {
+                Ok(()) => {
+                    used.adopt(next, Takes::Learning);
+                    self.hub.keep_paths(used.tracker.history_s);
+                    tracing::info!("reloaded, in use now, and the empty room is learned anew: {learning}");
+                }
+                Err(e) => {
+                    tracing::error!("not reloaded: {learning}: {e}");
+                    well = false;
+                }
+            }
+        }
+        if !restart.is_empty() {
+            tracing::warn!("not reloaded, in use after a restart: {restart}");
+        }
+        if changes.is_empty() {
+            tracing::info!("reloaded: the configuration is the same");
+        }
+        self.in_use.send_replace(used);
+        well
+    }
+}

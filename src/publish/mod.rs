@@ -1,0 +1,106 @@
+//! What happens, told to other systems: an MQTT broker, Home Assistant through it, and webhooks.
+//!
+//! Each has its own state and error in the status; none of them can hold up the frame loop, and none queues without bound.
+
+mod facts;
+mod home_assistant;
+mod mqtt;
+mod signature;
+mod webhook;
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use serde::Serialize;
+use tokio::sync::watch;
+use utoipa::ToSchema;
+
+pub use self::mqtt::MqttReport;
+pub use self::signature::sign;
+use self::webhook::Webhook;
+pub use self::webhook::WebhookReport;
+use crate::config::Config;
+use crate::pipeline::{Hub, Update};
+
+/// Why nothing can be published.
+#[derive(Debug, thiserror::Error)]
+pub enum PublishError {
+    /// A file that the configuration names cannot be used.
+    #[error("{key}: {}: {reason}", file.display())]
+    File {
+        /// The key.
+        key: &'static str,
+        /// The file.
+        file: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// A webhook's thread could not be started.
+    #[error("cannot start a webhook's thread: {0}")]
+    Thread(std::io::Error),
+}
+
+/// How publishing goes.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct PublishReport {
+    /// The broker; none where none is configured.
+    #[schema(required)]
+    pub mqtt: Option<MqttReport>,
+    /// The webhooks, in the order of the configuration.
+    pub webhooks: Vec<WebhookReport>,
+}
+
+/// Everything that publishes.
+#[derive(Clone)]
+pub struct Publishers {
+    mqtt: Option<(mqtt::Settings, Arc<Mutex<MqttReport>>)>,
+    webhooks: Arc<Vec<Webhook>>,
+}
+
+impl Publishers {
+    /// As configured; reads the files with passwords and secrets, and starts the webhooks.
+    pub fn new(config: &Config) -> Result<Self, PublishError> {
+        let mqtt = mqtt::Settings::of(config)?;
+        let mqtt = mqtt.map(|settings| {
+            let report = Arc::new(Mutex::new(MqttReport::new(&settings)));
+            (settings, report)
+        });
+        let webhooks = config.webhooks.iter().enumerate();
+        let webhooks = webhooks.map(|(index, webhook)| Webhook::start(index, webhook, config.site.id()));
+        Ok(Self { mqtt, webhooks: Arc::new(webhooks.collect::<Result<_, _>>()?) })
+    }
+
+    /// Takes in an update. Never waits.
+    pub fn take_update(&self, update: &Update) {
+        for event in &update.events {
+            self.webhooks.iter().for_each(|webhook| webhook.take(event));
+        }
+    }
+
+    /// Keeps the broker informed until `ending` turns true; returns when it has been told of the end.
+    pub async fn run(self, hub: Arc<Hub>, ending: watch::Receiver<bool>) {
+        if let Some((settings, report)) = self.mqtt {
+            mqtt::run(settings, &hub, &report, ending).await;
+        }
+    }
+
+    /// How it goes.
+    pub fn report(&self) -> PublishReport {
+        PublishReport {
+            mqtt: self.mqtt.as_ref().map(|(_, report)| lock(report).clone()),
+            webhooks: self.webhooks.iter().map(Webhook::report).collect(),
+        }
+    }
+}
+
+/// What a file has that has nothing but a secret in it.
+fn secret(key: &'static str, file: &Path) -> Result<String, PublishError> {
+    let refused = |reason: String| PublishError::File { key, file: file.into(), reason };
+    let text = std::fs::read_to_string(file).map_err(|e| refused(e.to_string()))?;
+    let secret = text.trim_end_matches(['\r', '\n']);
+    if secret.is_empty() { Err(refused("it is empty, expected a secret".into())) } else { Ok(secret.into()) }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,398 @@
+use std::collections::{HashMap, HashSet, VecDeque};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use metrics::{counter, describe_counter, describe_gauge, gauge};
+use rumqttc::{AsyncClient, Event, EventLoop, LastWill, MqttOptions, Outgoing, Packet, QoS, Transport};
+use rustls::crypto::ring;
+use serde::Serialize;
+use tokio::sync::{mpsc, watch};
+use tokio::time::{interval, sleep, timeout};
+use utoipa::ToSchema;
+
+use super::facts::{Facts, zone_levels};
+use super::home_assistant::{Announcement, announcements};
+use super::{PublishError, lock, secret};
+use crate::config::{Config, MqttConfig};
+use crate::pipeline::Hub;
+use crate::source::camera::Backoff;
+
+/// Delays before the broker is tried again: first, and at last.
+const RETRY: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(30)];
+/// The broker takes a client for dead that was silent for one and a half times this.
+const KEEP_ALIVE: Duration = Duration::from_secs(10);
+/// Tracks are told at most this often.
+const TRACKS: Duration = Duration::from_millis(500);
+/// How often is looked whether the updates have become stale.
+const TICK: Duration = Duration::from_secs(1);
+/// Messages that wait for the connection; what does not fit is told later, as it is then.
+const WAITING: usize = 256;
+/// Bytes of a message at most; the tracks of a full room are some thousands.
+const LONGEST: usize = 65_536;
+/// How long the broker may take to be told of the end.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// What a broker is told, and how it is reached.
+#[derive(Clone)]
+pub(super) struct Settings {
+    options: MqttOptions,
+    broker: String,
+    root: String,
+    /// What names this doorway to programs and to people.
+    id: String,
+    name: String,
+    /// First level of Home Assistant's topics; empty: nothing is announced there.
+    home_assistant: String,
+}
+
+/// How the connection to the broker is.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct MqttReport {
+    /// "connecting" or "connected".
+    pub state: &'static str,
+    /// Where it is.
+    pub broker: String,
+    /// Under which topic everything is published.
+    pub topic: String,
+    /// What went wrong last; none while connected.
+    #[schema(required)]
+    pub error: Option<String>,
+    /// Messages handed to the connection.
+    pub published: u64,
+    /// Events that the broker was never told of, because it was away for too long.
+    pub missed: u64,
+}
+
+/// The topics of one doorway.
+#[derive(Debug, Clone)]
+pub(super) struct Topics {
+    root: String,
+    id: String,
+    zones: Vec<String>,
+}
+
+impl Topics {
+    pub(super) fn new(root: &str, id: &str, zones: &[&str]) -> Self {
+        Self { root: root.into(), id: id.into(), zones: zone_levels(zones) }
+    }
+
+    pub(super) fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// The level that names a zone.
+    pub(super) fn zone(&self, zone: usize) -> &str {
+        self.zones.get(zone).map_or("", String::as_str)
+    }
+
+    pub(super) fn availability(&self) -> String {
+        availability(&self.root)
+    }
+
+    pub(super) fn state(&self) -> String {
+        format!("{}/state", self.root)
+    }
+
+    /// `ON` and `OFF`, of the room or of a zone.
+    pub(super) fn occupancy(&self, zone: Option<usize>) -> String {
+        format!("{}/occupancy", self.place(zone))
+    }
+
+    /// How many people, in the room or in a zone.
+    pub(super) fn count(&self, zone: Option<usize>) -> String {
+        format!("{}/people", self.place(zone))
+    }
+
+    fn place(&self, zone: Option<usize>) -> String {
+        zone.map_or_else(|| self.root.clone(), |zone| format!("{}/zones/{}", self.root, self.zone(zone)))
+    }
+}
+
+impl MqttReport {
+    pub(super) fn new(settings: &Settings) -> Self {
+        let (broker, topic) = (settings.broker.clone(), settings.root.clone());
+        Self { state: "connecting", broker, topic, error: None, published: 0, missed: 0 }
+    }
+}
+
+impl Settings {
+    /// None where no broker is configured.
+    pub(super) fn of(config: &Config) -> Result<Option<Self>, PublishError> {
+        let MqttConfig { host, port, tls, ca_file, username, password_file, prefix, home_assistant } = &config.mqtt;
+        if host.is_empty() {
+            return Ok(None);
+        }
+        let id = config.site.id();
+        let root = format!("{prefix}/{id}");
+        let mut options = MqttOptions::new(format!("doorcam-{id}"), host, *port);
+        options.set_keep_alive(KEEP_ALIVE);
+        options.set_max_packet_size(LONGEST, LONGEST);
+        options.set_last_will(LastWill::new(availability(&root), "offline", QoS::AtLeastOnce, true));
+        if !username.is_empty() {
+            let password = if password_file.as_os_str().is_empty() {
+                String::new()
+            } else {
+                secret("mqtt.password_file", password_file)?
+            };
+            options.set_credentials(username, password);
+        }
+        if *tls {
+            // Another part of the program may have chosen the same before.
+            let _ = ring::default_provider().install_default();
+            options.set_transport(if ca_file.as_os_str().is_empty() {
+                Transport::tls_with_default_config()
+            } else {
+                let key = "mqtt.ca_file";
+                let unread =
+                    |e: std::io::Error| PublishError::File { key, file: ca_file.clone(), reason: e.to_string() };
+                Transport::tls(std::fs::read(ca_file).map_err(unread)?, None, None)
+            });
+        }
+        let broker = format!("{}://{host}:{port}", if *tls { "mqtts" } else { "mqtt" });
+        let (name, home_assistant) = (config.site.name(), home_assistant.clone());
+        Ok(Some(Self { options, broker, root, id, name, home_assistant }))
+    }
+}
+
+fn availability(root: &str) -> String {
+    format!("{root}/availability")
+}
+
+/// What the broker was told over this connection.
+struct Session<'a> {
+    settings: &'a Settings,
+    hub: &'a Hub,
+    report: &'a Mutex<MqttReport>,
+    client: AsyncClient,
+    topics: Topics,
+    announcements: Vec<Announcement>,
+    /// Of which zones these are, by the hub's count of their changes.
+    zones: u32,
+    /// The last payload of each retained topic.
+    told: HashMap<String, String>,
+    /// Whether it was told who it is that tells.
+    introduced: bool,
+    tracks_at: Option<Instant>,
+    /// The last event that was told, or that happened before there was anybody to tell.
+    event: Option<u64>,
+}
+
+/// What becomes of the connection.
+enum News {
+    Made,
+    Lost(String),
+    Closed,
+}
+
+/// Keeps the broker informed until `ending` turns true; tries again whenever it is away.
+pub(super) async fn run(settings: Settings, hub: &Hub, report: &Mutex<MqttReport>, mut ending: watch::Receiver<bool>) {
+    describe_gauge!("doorcam_mqtt_connected", "1 while there is a connection to the MQTT broker");
+    describe_counter!("doorcam_mqtt_published_total", "Messages handed to the connection to the MQTT broker");
+    let (client, connection) = AsyncClient::new(settings.options.clone(), WAITING);
+    let (tell, mut news) = mpsc::channel(1);
+    // A task of its own: polling must go on whatever else there is to do, and not be broken off.
+    let polling = tokio::spawn(keep_connected(connection, tell));
+    let (zones, topics, announcements) = described(&settings, hub);
+    let mut session = Session {
+        settings: &settings,
+        hub,
+        report,
+        client,
+        topics,
+        announcements,
+        zones,
+        told: HashMap::new(),
+        introduced: false,
+        tracks_at: None,
+        event: None,
+    };
+    let mut updates = hub.subscribe();
+    let mut tick = interval(TICK);
+    let mut connected = false;
+    loop {
+        tokio::select! {
+            news = news.recv() => match news {
+                Some(News::Made) => {
+                    connected = true;
+                    session.begin();
+                }
+                Some(News::Lost(why)) => {
+                    connected = false;
+                    session.lost(why);
+                }
+                Some(News::Closed) | None => break,
+            },
+            changed = updates.changed(), if connected => if changed.is_err() { break },
+            _ = tick.tick(), if connected => {}
+            () = until(&mut ending) => break,
+        }
+        if connected {
+            updates.mark_unchanged();
+            session.tell();
+        }
+    }
+    // A broker that is left properly keeps the last will to itself.
+    if connected && session.retain(session.topics.availability(), "offline".into()) {
+        let closed = async { while !matches!(news.recv().await, Some(News::Closed) | None) {} };
+        if session.client.try_disconnect().is_ok() {
+            // It is over either way.
+            let _ = timeout(FAREWELL, closed).await;
+        }
+    }
+    polling.abort();
+}
+
+/// Connects again and again, ever more patiently, until it is told to disconnect.
+async fn keep_connected(mut connection: EventLoop, tell: mpsc::Sender<News>) {
+    let [first, longest] = RETRY;
+    let mut backoff = Backoff::new(first, longest, u64::from(std::process::id()));
+    loop {
+        let news = match connection.poll().await {
+            Ok(Event::Incoming(Packet::ConnAck(_))) => News::Made,
+            Ok(Event::Outgoing(Outgoing::Disconnect)) => News::Closed,
+            Ok(_) => continue,
+            Err(error) => News::Lost(error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")),
+        };
+        let (delay, over) = match news {
+            News::Made => {
+                backoff.reset();
+                (Duration::ZERO, false)
+            }
+            News::Lost(_) => (backoff.next_delay(), false),
+            News::Closed => (Duration::ZERO, true),
+        };
+        if tell.send(news).await.is_err() || over {
+            return;
+        }
+        sleep(delay).await;
+    }
+}
+
+impl Session<'_> {
+    fn begin(&mut self) {
+        let Settings { broker, root, .. } = self.settings;
+        gauge!("doorcam_mqtt_connected").set(1.0);
+        {
+            let mut report = lock(self.report);
+            (report.state, report.error) = ("connected", None);
+        }
+        tracing::info!("{broker}: connected, publishing under {root}");
+        // Another broker, or one without a memory, may have come back.
+        self.told.clear();
+        self.introduced = false;
+    }
+
+    /// False if too much waits already.
+    fn introduce(&mut self) -> bool {
+        // Taken out, for telling changes what was told.
+        let announcements = std::mem::take(&mut self.announcements);
+        let mut each = announcements.iter();
+        let told = each.all(|Announcement { topic, payload }| self.retain(topic.clone(), payload.clone()));
+        self.announcements = announcements;
+        told && self.retain(self.topics.availability(), "online".into())
+    }
+
+    /// Other zones were drawn: what the broker keeps of those that are gone is taken back.
+    fn rezone(&mut self) {
+        (self.zones, self.topics, self.announcements) = described(self.settings, self.hub);
+        self.introduced = false;
+        let zones = (0..self.topics.zones.len())
+            .flat_map(|zone| [self.topics.occupancy(Some(zone)), self.topics.count(Some(zone))]);
+        let room =
+            [self.topics.availability(), self.topics.state(), self.topics.occupancy(None), self.topics.count(None)];
+        let kept: HashSet<String> =
+            zones.chain(room).chain(self.announcements.iter().map(|announcement| announcement.topic.clone())).collect();
+        let gone: Vec<String> = self.told.keys().filter(|topic| !kept.contains(*topic)).cloned().collect();
+        for topic in gone {
+            // An empty message is how a broker is told to keep none.
+            self.retain(topic.clone(), String::new());
+            self.told.remove(&topic);
+        }
+    }
+
+    fn lost(&mut self, why: String) {
+        gauge!("doorcam_mqtt_connected").set(0.0);
+        let mut report = lock(self.report);
+        if report.error.as_ref() != Some(&why) {
+            tracing::warn!("{}: {why}; trying again", report.broker);
+        }
+        (report.state, report.error) = ("connecting", Some(why));
+    }
+
+    /// Tells what is not known to the broker yet.
+    fn tell(&mut self) {
+        if self.zones != self.hub.zones_revision() {
+            self.rezone();
+        }
+        self.introduced = self.introduced || self.introduce();
+        let facts = Facts::of(self.hub);
+        let topics = self.topics.clone();
+        self.retain(topics.state(), facts.state_name().into());
+        let zones = facts.zones.iter().enumerate().map(|(zone, &people)| (Some(zone), people));
+        for (zone, people) in std::iter::once((None, facts.people)).chain(zones) {
+            self.retain(topics.occupancy(zone), if people > 0 { "ON" } else { "OFF" }.into());
+            self.retain(topics.count(zone), people.to_string());
+        }
+        if facts.time.is_some() && self.tracks_at.is_none_or(|at| at.elapsed() >= TRACKS) {
+            self.tracks_at = Some(Instant::now());
+            self.publish(&format!("{}/tracks", self.settings.root), QoS::AtMostOnce, false, facts.tracks_json());
+        }
+        self.tell_events();
+    }
+
+    fn tell_events(&mut self) {
+        let topic = format!("{}/events", self.settings.root);
+        let mut events = VecDeque::from(self.hub.events(self.event, WAITING));
+        if let (Some(told), Some(next)) = (self.event, events.front()) {
+            lock(self.report).missed += next.sequence - told - 1;
+        }
+        while let Some(event) = events.pop_front() {
+            let Ok(payload) = serde_json::to_string(&event) else { continue };
+            if !self.publish(&topic, QoS::AtLeastOnce, false, payload) {
+                return;
+            }
+            self.event = Some(event.sequence);
+        }
+    }
+
+    /// Tells a value that the broker keeps, unless it has it; false if too much waits already.
+    fn retain(&mut self, topic: String, payload: String) -> bool {
+        if self.told.get(&topic) == Some(&payload) {
+            return true;
+        }
+        let taken = self.publish(&topic, QoS::AtLeastOnce, true, payload.clone());
+        if taken {
+            self.told.insert(topic, payload);
+        }
+        taken
+    }
+
+    /// False if too much waits already.
+    fn publish(&mut self, topic: &str, quality: QoS, retain: bool, payload: String) -> bool {
+        let taken = self.client.try_publish(topic, quality, retain, payload).is_ok();
+        if taken {
+            counter!("doorcam_mqtt_published_total").increment(1);
+            lock(self.report).published += 1;
+        }
+        taken
+    }
+}
+
+/// What the zones in use are told under, and announced as.
+fn described(settings: &Settings, hub: &Hub) -> (u32, Topics, Vec<Announcement>) {
+    // Before the zones: should they change in between, this is done again.
+    let revision = hub.zones_revision();
+    let zones = hub.zones();
+    let zones: Vec<&str> = zones.iter().map(|zone| zone.name.as_str()).collect();
+    let topics = Topics::new(&settings.root, &settings.id, &zones);
+    let announcements = match settings.home_assistant.as_str() {
+        "" => Vec::new(),
+        prefix => announcements(prefix, &topics, &settings.name, &zones),
+    };
+    (revision, topics, announcements)
+}
+
+/// Completes when the end is told of, or nobody is left to tell.
+async fn until(ending: &mut watch::Receiver<bool>) {
+    let _ = ending.wait_for(|&ending| ending).await;
+}

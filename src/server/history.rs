@@ -1,0 +1,329 @@
+//! What happened, over REST: events and occupancy, in JSON or CSV, page by page.
+
+use axum::Json;
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Query, State};
+use axum::http::{HeaderMap, HeaderValue, Uri, header};
+use axum::response::{IntoResponse, Response};
+use jiff::{SignedDuration, Timestamp};
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
+
+use super::Shared;
+use super::openapi::{Malformed, NotReady, PEOPLE};
+use super::problem::Problem;
+use crate::history::{EventPage, EventQuery, History, IntervalPage, IntervalQuery, SpanPage, SpanQuery, StoreError};
+use crate::tracking::EventKind;
+
+/// Rows that one request gets unless it says otherwise, and at most.
+const ROWS: usize = 100;
+const MOST_ROWS: usize = 1000;
+/// The same of CSV, which is for spreadsheets.
+const MOST_CSV_ROWS: usize = 10_000;
+/// What occupancy is told of unless a request says otherwise.
+const DAY: SignedDuration = SignedDuration::from_hours(24);
+/// The longest step, in seconds: a leap year.
+const LONGEST_STEP_S: f64 = 366.0 * 86_400.0;
+
+/// Which events somebody asks for.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct WantedEvents {
+    /// Those that follow the event of this number; without it and `from`, the newest.
+    after: Option<u64>,
+    /// Those that happened at or after this time, RFC 3339.
+    from: Option<Timestamp>,
+    /// Those that happened before this time.
+    to: Option<Timestamp>,
+    /// Those of these kinds, with commas between: `enter`, `exit`, `dwell`, `zone_enter`, `zone_exit`.
+    #[param(pattern = "^(enter|exit|dwell|zone_enter|zone_exit)(,(enter|exit|dwell|zone_enter|zone_exit))*$")]
+    kind: Option<String>,
+    /// Those of this track.
+    track: Option<u64>,
+    /// Those of this zone.
+    zone: Option<String>,
+    /// So many at most: 100 unless told otherwise, up to 1000; of CSV 10,000.
+    #[param(minimum = 1, maximum = 10_000)]
+    limit: Option<usize>,
+    /// JSON or CSV; without it, what `Accept` names.
+    #[param(inline)]
+    format: Option<Format>,
+}
+
+/// What of the occupancy somebody asks for.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct WantedOccupancy {
+    /// Those that follow the span of this number; not with `step`.
+    after: Option<u64>,
+    /// Since this time, RFC 3339; a day before `to` unless told otherwise.
+    from: Option<Timestamp>,
+    /// Until this time; now unless told otherwise.
+    to: Option<Timestamp>,
+    /// Length of the intervals to sum up, in seconds; without it, spans come as they are.
+    #[param(minimum = 1.0, maximum = 31_622_400.0)]
+    step: Option<f64>,
+    /// Of this zone; without it, of the room.
+    zone: Option<String>,
+    /// So many at most: 1000 unless told otherwise; of CSV 10,000.
+    #[param(minimum = 1, maximum = 10_000)]
+    limit: Option<usize>,
+    /// JSON or CSV; without it, what `Accept` names.
+    #[param(inline)]
+    format: Option<Format>,
+}
+
+/// How rows are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+enum Format {
+    Json,
+    Csv,
+}
+
+/// Who came, went and stayed.
+///
+/// With `after` or `from`, the first of those asked for; otherwise the newest. `oldest` and `newest` number the first and last
+/// event that are kept: who asked after a number below `oldest` - 1 has missed some. Where there are more, `next` is the `after` of the
+/// next page, and the header `Link` its address.
+#[utoipa::path(
+    get, path = "/events", tag = PEOPLE, params(WantedEvents),
+    responses(
+        (status = 200, description = "The events", content((EventPage = "application/json"), (String = "text/csv; charset=utf-8; header=present"))),
+        (status = 400, response = Malformed), (status = 503, response = NotReady),
+    )
+)]
+pub(super) async fn events(
+    State(shared): State<Shared>,
+    uri: Uri,
+    headers: HeaderMap,
+    wanted: Result<Query<WantedEvents>, QueryRejection>,
+) -> Response {
+    let asked = wanted.map_err(|e| e.body_text()).and_then(|Query(wanted)| {
+        let format = format(wanted.format, &headers);
+        let limit = rows(wanted.limit, ROWS, format)?;
+        numbers([wanted.after, wanted.track])?;
+        let kinds = kinds(wanted.kind.as_deref())?;
+        let WantedEvents { after, from, to, track, zone, .. } = wanted;
+        Ok((EventQuery { after, from, to, kinds, track, zone, limit }, format))
+    });
+    let (query, format) = match asked {
+        Ok(asked) => asked,
+        Err(why) => return refused(&why, "after, from, to, kind, track, zone, limit, format"),
+    };
+    let page = match answer(shared, move |history| history.events(&query)).await {
+        Ok(page) => page,
+        Err(problem) => return problem.into_response(),
+    };
+    let next = page.next.map(|after| ("after", after.to_string()));
+    match format {
+        Format::Json => paged(&uri, next, Json(page)),
+        Format::Csv => {
+            let columns = ["sequence", "kind", "time", "track", "x_m", "y_m", "zone"];
+            paged(&uri, next, Csv::of(&columns, page.events))
+        }
+    }
+}
+
+/// How many people were there, over time.
+///
+/// Without `step`, spans in which the number stayed the same; what no span covers was not watched. With `step`, intervals of that
+/// length, each with the time that was watched.
+#[utoipa::path(
+    get, path = "/occupancy", tag = PEOPLE, params(WantedOccupancy),
+    responses(
+        (status = 200, description = "The spans or intervals", content((OccupancyPage = "application/json"), (String = "text/csv; charset=utf-8; header=present"))),
+        (status = 400, response = Malformed), (status = 503, response = NotReady),
+    )
+)]
+pub(super) async fn occupancy(
+    State(shared): State<Shared>,
+    uri: Uri,
+    headers: HeaderMap,
+    wanted: Result<Query<WantedOccupancy>, QueryRejection>,
+) -> Response {
+    let asked = wanted.map_err(|e| e.body_text()).and_then(|Query(wanted)| {
+        let format = format(wanted.format, &headers);
+        let limit = rows(wanted.limit, MOST_ROWS, format)?;
+        numbers([wanted.after, None])?;
+        let to = wanted.to.unwrap_or_else(Timestamp::now);
+        let from = wanted.from.unwrap_or_else(|| to.checked_sub(DAY).unwrap_or(Timestamp::MIN));
+        if from >= to {
+            return Err(format!("from is {from} and to is {to}, expected a time before the other"));
+        }
+        Ok((wanted, from, to, limit, format))
+    });
+    let expected = "after, from, to, step, zone, limit, format";
+    let (wanted, from, to, limit, format) = match asked {
+        Ok(asked) => asked,
+        Err(why) => return refused(&why, expected),
+    };
+    let WantedOccupancy { after, step, zone, .. } = wanted;
+    let Some(step) = step else {
+        let query = SpanQuery { after, from, to, zone, limit };
+        let page = match answer(shared, move |history| history.spans(&query)).await {
+            Ok(page) => page,
+            Err(problem) => return problem.into_response(),
+        };
+        let next = page.next.map(|after| ("after", after.to_string()));
+        return match format {
+            Format::Json => paged(&uri, next, Json(page)),
+            Format::Csv => paged(&uri, next, Csv::of(&["id", "zone", "people", "from", "to"], page.spans)),
+        };
+    };
+    if !(1.0..=LONGEST_STEP_S).contains(&step) || after.is_some() {
+        return refused(&format!("step is {step}, expected 1 to {LONGEST_STEP_S} seconds, without after"), expected);
+    }
+    let step = SignedDuration::try_from_secs_f64(step).unwrap_or(DAY);
+    let query = IntervalQuery { from, to, step, zone, limit };
+    let page = match answer(shared, move |history| history.intervals(&query)).await {
+        Ok(page) => page,
+        Err(problem) => return problem.into_response(),
+    };
+    let next = page.next.map(|from| ("from", from.to_string()));
+    match format {
+        Format::Json => paged(&uri, next, Json(page)),
+        Format::Csv => {
+            let columns = ["from", "to", "most", "mean", "occupied_s", "watched_s"];
+            paged(&uri, next, Csv::of(&columns, page.intervals))
+        }
+    }
+}
+
+/// What is told of the occupancy: one or the other.
+#[derive(ToSchema)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "only its description matters")]
+enum OccupancyPage {
+    Spans(SpanPage),
+    Intervals(IntervalPage),
+}
+
+/// Asks on a thread that may wait for the disk.
+async fn answer<T: Send + 'static>(
+    shared: Shared,
+    ask: impl FnOnce(&History) -> Result<T, StoreError> + Send + 'static,
+) -> Result<T, Problem> {
+    match tokio::task::spawn_blocking(move || ask(&shared.history)).await {
+        Ok(answer) => answer.map_err(|e| Problem::unavailable(&e.to_string())),
+        Err(_) => Err(Problem::internal("reading the history failed on an internal error")),
+    }
+}
+
+fn refused(why: &str, parameters: &str) -> Response {
+    Problem::bad_request(&format!("{why} (parameters: {parameters}; times as RFC 3339 has them, + written %2B)"))
+        .into_response()
+}
+
+/// What was asked for by name, or else what the client accepts.
+fn format(named: Option<Format>, headers: &HeaderMap) -> Format {
+    let accepts = headers.get(header::ACCEPT).and_then(|accept| accept.to_str().ok()).unwrap_or_default();
+    let csv = accepts.split(',').any(|kind| kind.split(';').next().is_some_and(|kind| kind.trim() == "text/csv"));
+    named.unwrap_or(if csv { Format::Csv } else { Format::Json })
+}
+
+fn rows(limit: Option<usize>, usual: usize, format: Format) -> Result<usize, String> {
+    let (usual, most) = if format == Format::Csv { (MOST_CSV_ROWS, MOST_CSV_ROWS) } else { (usual, MOST_ROWS) };
+    let limit = limit.unwrap_or(usual);
+    if (1..=most).contains(&limit) { Ok(limit) } else { Err(format!("limit is {limit}, expected 1 to {most}")) }
+}
+
+/// Whether these can be numbers of something.
+fn numbers(given: [Option<u64>; 2]) -> Result<(), String> {
+    match given.into_iter().flatten().find(|&number| i64::try_from(number).is_err()) {
+        Some(number) => Err(format!("{number} is no number of anything, expected at most {}", i64::MAX)),
+        None => Ok(()),
+    }
+}
+
+/// `enter,exit`
+fn kinds(names: Option<&str>) -> Result<Vec<EventKind>, String> {
+    let kind = |name: &str| {
+        let all = EventKind::ALL.map(EventKind::name).join(", ");
+        let known = EventKind::ALL.into_iter().find(|kind| kind.name() == name);
+        known.ok_or_else(|| format!("kind is \"{name}\", expected some of {all}, with commas between"))
+    };
+    names.into_iter().flat_map(|names| names.split(',')).map(kind).collect()
+}
+
+/// An answer that says where the next page is (RFC 8288).
+fn paged(uri: &Uri, next: Option<(&str, String)>, page: impl IntoResponse) -> Response {
+    let mut response = page.into_response();
+    if let Some((name, value)) = next {
+        let others = uri.query().unwrap_or_default().split('&').filter(|pair| {
+            let key = pair.split('=').next();
+            !pair.is_empty() && key != Some(name)
+        });
+        let query: String = others.map(|pair| format!("{pair}&")).collect();
+        // Of the address, the routes in which this one is nested left only the end.
+        let link = format!("</api/v1{}?{query}{name}={value}>; rel=\"next\"", uri.path());
+        if let Ok(link) = HeaderValue::from_str(&link) {
+            response.headers_mut().insert(header::LINK, link);
+        }
+    }
+    response
+}
+
+/// Rows under their columns' names, as RFC 4180 has them.
+struct Csv(Result<Vec<u8>, String>);
+
+impl Csv {
+    fn of(columns: &[&str], rows: Vec<impl Serialize>) -> Self {
+        Self(Self::write(columns, &rows).map_err(|e| e.to_string()))
+    }
+
+    fn write(columns: &[&str], rows: &[impl Serialize]) -> Result<Vec<u8>, csv::Error> {
+        let mut csv = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
+        csv.write_record(columns)?;
+        rows.iter().try_for_each(|row| csv.serialize(row))?;
+        csv.into_inner().map_err(|e| e.into_error().into())
+    }
+}
+
+impl IntoResponse for Csv {
+    fn into_response(self) -> Response {
+        match self.0 {
+            Ok(text) => ([(header::CONTENT_TYPE, "text/csv; charset=utf-8; header=present")], text).into_response(),
+            Err(e) => Problem::internal(&e).into_response(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_next_page_is_the_same_question_from_there_on() {
+        let uri = Uri::from_static("/events?after=3&kind=enter&limit=2");
+        let response = paged(&uri, Some(("after", "5".into())), "");
+        assert_eq!(response.headers()[header::LINK], "</api/v1/events?kind=enter&limit=2&after=5>; rel=\"next\"");
+        assert_eq!(paged(&uri, None, "").headers().get(header::LINK), None);
+    }
+
+    #[test]
+    fn csv_comes_if_it_is_named_or_accepted() {
+        let accepting = |kinds: &'static str| HeaderMap::from_iter([(header::ACCEPT, HeaderValue::from_static(kinds))]);
+        assert_eq!(format(None, &accepting("text/html, text/csv;q=0.9")), Format::Csv);
+        assert_eq!(format(None, &accepting("*/*")), Format::Json);
+        assert_eq!(format(Some(Format::Json), &accepting("text/csv")), Format::Json);
+    }
+
+    #[test]
+    fn zones_with_commas_and_quotes_stay_one_column() {
+        let rows = vec![(1, "bed, \"left\"")];
+        assert_eq!(Csv::of(&["id", "zone"], rows).0.unwrap(), b"id,zone\n1,\"bed, \"\"left\"\"\"\n");
+        assert_eq!(Csv::of(&["id"], Vec::<u8>::new()).0.unwrap(), b"id\n");
+    }
+
+    #[test]
+    fn kinds_are_known_by_name() {
+        assert_eq!(kinds(Some("enter,zone_exit")), Ok(vec![EventKind::Enter, EventKind::ZoneExit]));
+        assert_eq!(kinds(None), Ok(Vec::new()));
+        assert!(
+            kinds(Some("arrive")).unwrap_err().starts_with("kind is \"arrive\", expected some of enter, exit, dwell")
+        );
+    }
+}
