@@ -23,7 +23,7 @@ const MOST_PENDING: usize = 10_000;
 /// Bytes that memory keeps while the file cannot be written.
 const MEMORY_BYTES: u64 = 8_000_000;
 /// How long after a failure the file is tried again: first, and at last.
-const RETRY: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(60)];
+const RETRY: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(30)];
 /// How long whoever asks waits for the newest to be written.
 const SETTLE: Duration = Duration::from_secs(1);
 
