@@ -261,7 +261,8 @@ impl Daemon {
 
     /// Asks for the status until it is as wanted.
     pub fn wait_for(&self, what: &str, wanted: impl Fn(&serde_json::Value) -> bool) -> serde_json::Value {
-        let deadline = Instant::now() + Duration::from_secs(60);
+        // For what hangs, not for what is slow: a machine with much else to do renders a few frames a second.
+        let deadline = Instant::now() + Duration::from_secs(180);
         loop {
             let status = self.json("/api/v1/status");
             if wanted(&status) {
