@@ -40,7 +40,7 @@ fn guest_a_calibrated_camera_makes_a_map_and_goes_on_after_a_restart() {
     let files = std::fs::read_dir(kept.path().join("kept")).unwrap();
     let mut files: Vec<String> = files.map(|f| f.unwrap().file_name().into_string().unwrap()).collect();
     files.sort();
-    assert_eq!(files, ["background.bin", "calibration.json", "controls.json"]);
+    assert_eq!(files, ["background.bin", "calibration.json", "controls.json", "history.sqlite", "history.sqlite-lock"]);
     let began = Instant::now();
     let daemon = start();
     let status = daemon.wait_for("the first update", |s| !s["last_update"].is_null());
