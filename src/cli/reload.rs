@@ -66,9 +66,12 @@ impl<Again: Fn() -> anyhow::Result<Config>> Reloader<Again> {
             tracing::info!("reloaded, in use now: {now}");
         }
         if !learning.is_empty() {
-            match self.calibrator.reconfigure(next) {
+            // Without what takes a restart: the camera's own keys have a say in the model, too.
+            let mut learned = used.clone();
+            learned.adopt(next, Takes::Learning);
+            match self.calibrator.reconfigure(&learned) {
                 Ok(()) => {
-                    used.adopt(next, Takes::Learning);
+                    used = learned;
                     self.hub.keep_paths(used.tracker.history_s);
                     tracing::info!("reloaded, in use now, and the empty room is learned anew: {learning}");
                 }
