@@ -168,6 +168,13 @@ describe("history", () => {
     assert.deepEqual(complaints, []);
   });
 
+  test("says who is there now, though the newest span ends a moment ago", async (t) => {
+    const { page } = await looking(t, {}, (mock) => {
+      mock.spans = [{ id: 1, zone: null, people: 2, from: ago(Date.now(), 5), to: ago(Date.now(), 0.01) }];
+    });
+    await page.locator("#history-who", { hasText: "Room: 2 people" }).waitFor();
+  });
+
   test("says where it is kept, and when it is not where it should be", async (t) => {
     const { mock, page } = await looking(t);
     const kept = page.locator("#history-kept");
