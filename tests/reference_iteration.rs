@@ -39,7 +39,7 @@ fn it_reaches_the_authors_objective_and_not_the_solvers() {
         let mut frame = problem.projection.correlations();
         problem.projection.project(&difference, &mut frame).unwrap();
         let gram = problem.projection.gram();
-        let mut published = PublishedIteration::new(gram, &model.grid.foreground, &frame, lambda);
+        let mut published = PublishedIteration::new(&gram, &model.grid.foreground, &frame, lambda);
         (0..PublishedIteration::STEPS).for_each(|_| published.step());
         let found = published.intensities();
         let mut objective = 0.5 * frame.energy + lambda * found.iter().map(|i| i.left.hypot(i.right)).sum::<f64>();

@@ -241,6 +241,7 @@ fn published_iteration(
     };
     let nuisance = Nuisance::constant(model.patch.pixels());
     let projection = Projection::new(&model.matrices(), &Pixels::uniform(&model.counted), &nuisance, Columns::Radiance);
+    let gram = projection.gram();
     let mut correlations = projection.correlations();
     let (mut pair, mut difference) = (PatchPair::zeros(model.patch.size), PatchPair::zeros(model.patch.size));
     let mut times = Vec::new();
@@ -248,7 +249,7 @@ fn published_iteration(
         reader.read(frames[k * frames.len() / PUBLISHED_FRAMES].frame, &mut pair).map_err(StepError::Skipped)?;
         measured.background.difference(&pair, &mut difference);
         projection.project(&difference, &mut correlations)?;
-        let mut iteration = PublishedIteration::new(projection.gram(), &model.grid.foreground, &correlations, lambda);
+        let mut iteration = PublishedIteration::new(&gram, &model.grid.foreground, &correlations, lambda);
         let start = Instant::now();
         (0..PUBLISHED_STEPS).for_each(|_| iteration.step());
         times.push(start.elapsed().mul_f64(PublishedIteration::STEPS as f64 / PUBLISHED_STEPS as f64));

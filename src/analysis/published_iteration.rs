@@ -136,7 +136,7 @@ mod tests {
         for _ in 0..PublishedIteration::STEPS {
             published.step();
         }
-        let solver = Solver::new(&gram, vec![Admissible::Brighter, Admissible::EitherSign]);
+        let solver = Solver::new(gram.clone(), vec![Admissible::Brighter, Admissible::EitherSign]);
         let ours = solver.solve(&frame, lambda, Limits::default(), None).intensities;
         for (a, b) in published.intensities().iter().zip(&ours) {
             assert!((a.left - b.left).abs() < 1e-5 && (a.right - b.right).abs() < 1e-6, "{a:?} {b:?}");

@@ -99,16 +99,14 @@ impl Problem {
         let albedo_noise = albedo_noise(background, noise);
         let transport = model.matrices();
         let projection = signed_projection(&transport, background.mean(), &frames, &weights, &floors);
-        let solver = signed_solver(&projection);
+        let solver = Solver::new(projection.gram(), vec![Admissible::Signed; projection.facets()]);
         let penalty = match model.lambda {
             Lambda::Fixed(lambda) => Penalty::Fixed(lambda),
             Lambda::Auto => {
                 let coloured = noise_colour(model, &transport, &frames).unwrap_or(COLOURED);
-                let noise =
-                    model.lambda_factor * coloured * white_noise_reach(&projection, &solver).exceeded_in_one_of(FRAMES);
-                let texture =
-                    texture_reach(&transport, model.patch.size, &floors, &weights, albedo_noise, &projection, &solver)
-                        .map(|maxima| model.lambda_factor * Reach::of(&maxima).exceeded_in_one_of(FLOORS));
+                let noise = model.lambda_factor * coloured * white_noise_reach(&projection).exceeded_in_one_of(FRAMES);
+                let texture = texture_reach(&transport, model.patch.size, &floors, &weights, albedo_noise, &projection)
+                    .map(|maxima| model.lambda_factor * Reach::of(&maxima).exceeded_in_one_of(FLOORS));
                 Penalty::Adaptive { noise, texture, share: model.lambda_share }
             }
         };
@@ -149,10 +147,6 @@ fn noise(model: &Model, frames: &[&PatchPair], averaged: u64) -> Option<NoiseMod
     let of_both = 1.0 + 1.0 / averaged.max(1) as f64;
     let of_one = NoiseModel::from_frames(frames, &model.counted)?;
     Some(NoiseModel { read: of_one.read * of_both, shot: of_one.shot * of_both })
-}
-
-fn signed_solver(projection: &Projection) -> Solver {
-    Solver::new(projection.gram(), vec![Admissible::Signed; projection.facets()])
 }
 
 /// Noise of a floor's albedo, which is the mean picture of the three colours relative to its level: the background's share of
@@ -265,14 +259,14 @@ impl Reach {
 }
 
 /// Of white noise of unit variance, simulated.
-fn white_noise_reach(projection: &Projection, solver: &Solver) -> Reach {
+fn white_noise_reach(projection: &Projection) -> Reach {
     const DRAWS: usize = 200;
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let mut drawn = projection.correlations();
     let maxima: Vec<f64> = (0..DRAWS)
         .map(|_| {
             projection.white_noise(&mut drawn, || StandardNormal.sample(&mut random));
-            solver.lambda_max(&drawn)
+            drawn.signed_lambda_max()
         })
         .collect();
     Reach::of(&maxima)
@@ -293,19 +287,18 @@ fn noise_colour(model: &Model, transport: &Transport, frames: &[&PatchPair]) -> 
     let weights = weights(model, background.mean(), noise);
     let floors = floors(background.mean(), &weights);
     let projection = signed_projection(transport, background.mean(), &known, &weights, &floors);
-    let solver = signed_solver(&projection);
     let mut difference = PatchPair::zeros(known[0].left.size());
     let mut correlations = projection.correlations();
     let mut maxima: Vec<f64> = (frames.iter().skip(1).step_by(2))
         .filter_map(|frame| {
             background.difference(frame, &mut difference);
             projection.project(&difference, &mut correlations).ok()?;
-            Some(solver.lambda_max(&correlations))
+            Some(correlations.signed_lambda_max())
         })
         .collect();
     let middle = maxima.len() / 2;
     let median = if maxima.is_empty() { 0.0 } else { *maxima.select_nth_unstable_by(middle, f64::total_cmp).1 };
     // Few frames may by chance all have been quiet ones.
     let margin = 1.0 + 1.0 / (maxima.len().max(1) as f64).sqrt();
-    Some((margin * median / white_noise_reach(&projection, &solver).mean).max(1.0))
+    Some((margin * median / white_noise_reach(&projection).mean).max(1.0))
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::geometry::Side;
 use crate::measurement::{Floor, Patch, light_window, texture_strength};
-use crate::solver::{Correlations, Projection, Solver};
+use crate::solver::{Correlations, Projection};
 use crate::transport::Transport;
 
 /// Floors that are drawn.
@@ -28,7 +28,6 @@ pub(super) fn texture_reach(
     weights: &[Vec<f64>; 2],
     noise: f64,
     projection: &Projection,
-    solver: &Solver,
 ) -> [Vec<f64>; 2] {
     [0, 1].map(|s| {
         let (weights, transport) = (&weights[s], transport.side(Side::BOTH[s]));
@@ -51,7 +50,7 @@ pub(super) fn texture_reach(
             let facets = transport.tr_mul(&rows);
             let mut rhs: [[Vec<f64>; 3]; 2] = std::array::from_fn(|_| std::array::from_fn(|_| vec![0.0; facets.len()]));
             rhs[s][0] = facets.iter().zip(projection.radiance()[s]).map(|(light, scale)| light * scale).collect();
-            Some(solver.lambda_max(&Correlations::new(rhs, 0.0)) / strength)
+            Some(Correlations::new(rhs, 0.0).signed_lambda_max() / strength)
         };
         (0..DRAWS).into_par_iter().filter_map(reach).collect()
     })

@@ -70,10 +70,10 @@ struct Settled {
 
 impl Solver {
     /// For the Gram matrices of the left and right side and each facet's admissible set.
-    pub fn new(gram: &[DMatrix<f64>; 2], admissible: Vec<Admissible>) -> Self {
+    pub fn new(gram: [DMatrix<f64>; 2], admissible: Vec<Admissible>) -> Self {
         let weights = vec![1.0; admissible.len()];
         let signed = admissible.iter().all(|&kind| kind == Admissible::Signed);
-        Self { gram: gram.clone(), admissible, weights, signed }
+        Self { gram, admissible, weights, signed }
     }
 
     /// With the penalty λ Σ w_n ‖c_n‖; the weights are positive, 1 without this.

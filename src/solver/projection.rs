@@ -1,5 +1,7 @@
 use nalgebra::{DMatrix, DVector};
 
+use super::active::pair;
+use super::facet::Admissible;
 use super::low_rank::LowRank;
 use super::nuisance::Nuisance;
 use super::own_picture::OwnPictures;
@@ -54,7 +56,6 @@ impl Pixels {
 #[derive(Debug, Clone)]
 pub struct Projection {
     sides: [ProjectedSide; 2],
-    gram: [DMatrix<f64>; 2],
     facets: usize,
 }
 
@@ -103,6 +104,12 @@ impl Correlations {
         let (nuisance, own, weighted) = Default::default();
         Self { rhs, energy, nuisance, own, weighted, coordinates }
     }
+
+    /// The smallest λ at which a map of facets that may all show any change is empty: their largest dual norm.
+    pub fn signed_lambda_max(&self) -> f64 {
+        let facets = self.rhs[0][0].len();
+        (0..facets).map(|n| Admissible::Signed.dual_norm(&pair(&self.rhs, n))).fold(0.0, f64::max)
+    }
 }
 
 /// A measurement that cannot be used.
@@ -140,9 +147,8 @@ impl Projection {
             let own = nuisance.own(Side::BOTH[s]).map(|picture| OwnPictures::new(picture, weights, &weighted));
             ProjectedSide::new(weighted, weights, nuisance.side(s), own, columns)
         };
-        let sides: [ProjectedSide; 2] = rayon::join(|| project(0), || project(1)).into();
-        let gram = [&sides[0], &sides[1]].map(|side| side.core.transpose() * &side.core);
-        Self { facets: transport.left.ncols(), sides, gram }
+        let sides = rayon::join(|| project(0), || project(1)).into();
+        Self { facets: transport.left.ncols(), sides }
     }
 
     /// Number of facets, N.
@@ -155,9 +161,10 @@ impl Projection {
         [0, 1].map(|s| self.sides[s].nuisances + self.sides[s].core.nrows())
     }
 
-    /// AᵀA of the left and the right side: N x N each.
-    pub fn gram(&self) -> &[DMatrix<f64>; 2] {
-        &self.gram
+    /// AᵀA of the left and the right side: N x N each. Worked out anew each time, for whoever solves to keep.
+    pub fn gram(&self) -> [DMatrix<f64>; 2] {
+        let gram = |s: usize| self.sides[s].core.transpose() * &self.sides[s].core;
+        rayon::join(|| gram(0), || gram(1)).into()
     }
 
     /// Per side and facet, the radiance of a facet of intensity 1; 0 for a facet that lights no pixel.

@@ -61,7 +61,7 @@ mod tests {
         });
         let energy: f64 = 2.0 * (0..3).map(|p| (0..3).map(|n| truth[n][p] * rhs[0][p][n]).sum::<f64>()).sum::<f64>();
         let frame = Correlations::new(rhs, energy);
-        let solver = Solver::new(&[gram.clone(), gram], vec![Admissible::Signed; 3]);
+        let solver = Solver::new([gram.clone(), gram], vec![Admissible::Signed; 3]);
         let solution = solver.solve(&frame, 0.3, Limits::default(), None);
         let mut factors = Vec::new();
         solver.refit(&frame, &solution, &mut factors);

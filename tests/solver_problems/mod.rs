@@ -72,7 +72,7 @@ impl Problem {
     }
 
     pub fn solver(&self) -> Solver {
-        Solver::new(&self.gram, self.kinds.clone())
+        Solver::new(self.gram.clone(), self.kinds.clone())
     }
 
     /// Eq. 13 as it is written, without b.
