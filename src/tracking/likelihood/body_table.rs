@@ -1,5 +1,7 @@
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
+use super::columns::Columns;
 use super::place::Place;
 use crate::geometry::{Doorway, Side};
 use crate::measurement::FanPair;
@@ -25,11 +27,9 @@ const GROUP: usize = 4;
 #[derive(Debug, Clone)]
 pub struct BodyTable {
     /// Per side, the cells of the first place, the second, ...; places by distance, then azimuth.
-    pub(super) columns: [Vec<f32>; 2],
+    pub(super) columns: [Columns; 2],
     /// The same for what they gain by each unit of the log of the radius.
-    pub(super) by_radius: [Vec<f32>; 2],
-    /// Per side, the fan's cells.
-    pub(super) cells: [usize; 2],
+    pub(super) by_radius: [Columns; 2],
 }
 
 impl BodyTable {
@@ -41,8 +41,8 @@ impl BodyTable {
             let cells: Vec<Vec<(FloorView, f64)>> = (fan.groups(&patch.points(doorway, side), GROUP).into_iter())
                 .map(|cell| cell.into_iter().map(|(point, n)| (FloorView::new(doorway, point), n)).collect())
                 .collect();
-            let mut columns = vec![0.0; cells.len() * AZIMUTHS * RANGES];
-            columns.par_chunks_mut(cells.len().max(1)).enumerate().for_each(|(node, column)| {
+            let mut columns = DMatrix::<f32>::zeros(cells.len(), AZIMUTHS * RANGES);
+            columns.as_mut_slice().par_chunks_mut(cells.len().max(1)).enumerate().for_each(|(node, column)| {
                 let body = Body { centre: Self::place(node).point(), radius_m, height_m };
                 for ((value, cell), &n) in column.iter_mut().zip(&cells).zip(fan.counts()) {
                     let sum: f64 = cell.iter().map(|(view, weight)| weight * view.body(doorway, &body)).sum();
@@ -53,11 +53,10 @@ impl BodyTable {
         };
         let table = [0, 1].map(|s| columns(radius_m, s));
         let by_radius = [0, 1].map(|s| {
-            let mut wider = columns(radius_m * RADIUS_STEP.exp(), s);
-            wider.iter_mut().zip(&table[s]).for_each(|(w, &v)| *w = (*w - v) / RADIUS_STEP as f32);
-            wider
+            let wider = columns(radius_m * RADIUS_STEP.exp(), s);
+            Columns::new(&((wider - &table[s]) / RADIUS_STEP as f32))
         });
-        Self { columns: table, by_radius, cells: fans.sides().map(|fan| fan.len()) }
+        Self { columns: table.each_ref().map(Columns::new), by_radius }
     }
 
     /// The place of that number.

@@ -77,13 +77,11 @@ const ENOUGH: usize = 4;
 impl Likelihood {
     /// Builds what is needed for every frame. None if noise and patterns leave nothing.
     pub fn new(spec: &LikelihoodSpec<'_>) -> Option<Self> {
-        let whiten = [whitening(spec, 0)?, whitening(spec, 1)?];
+        let white = [whitening(spec, 0)?, whitening(spec, 1)?];
+        let excess = excess(spec, &white).unwrap_or(COLOURED).max(1.0);
+        let whiten = white.map(|matrix| (matrix / excess.sqrt()).map(|v| v as f32));
         let bodies = Whitened::new(spec.table, &whiten);
-        let mut likelihood = Self { fans: spec.fans.clone(), whiten, bodies, level: spec.level, walls: *spec.room };
-        let excess = likelihood.excess(spec.empty).unwrap_or(COLOURED).max(1.0).sqrt().recip() as f32;
-        likelihood.whiten.iter_mut().for_each(|m| *m *= excess);
-        likelihood.bodies.scale(excess);
-        Some(likelihood)
+        Some(Self { fans: spec.fans.clone(), whiten, bodies, level: spec.level, walls: *spec.room })
     }
 
     /// The nearest place along the same azimuth that is in the room, as far as walls are known.
@@ -117,34 +115,33 @@ impl Likelihood {
             }
         }
     }
+}
 
-    /// The variance of the empty room's own frames, which is 1 for white noise.
-    fn excess(&self, empty: &[&PatchPair]) -> Option<f64> {
-        if empty.len() < ENOUGH {
-            return None;
-        }
-        let mut mean = PatchPair::zeros(empty[0].left.size());
-        for side in Side::BOTH {
-            for (k, value) in mean.side_mut(side).data_mut().iter_mut().enumerate() {
-                *value = empty.iter().map(|frame| frame.side(side).data()[k]).sum::<f32>() / empty.len() as f32;
-            }
-        }
-        let mut difference = mean.clone();
-        let mut measured = self.room();
-        let energy: f64 = empty
-            .iter()
-            .map(|frame| {
-                frame.subtract(&mean, &mut difference);
-                self.measure(&difference, &mut measured);
-                measured.energy
-            })
-            .sum();
-        Some(energy / (measured.count * (empty.len() - 1) as f64))
+/// The variance of the empty room's own frames once they are whitened, which is 1 for white noise.
+fn excess(spec: &LikelihoodSpec<'_>, whiten: &[DMatrix<f64>; 2]) -> Option<f64> {
+    let frames = spec.empty;
+    if frames.len() < ENOUGH {
+        return None;
     }
+    let mut energy = 0.0;
+    for (s, fan) in spec.fans.sides().into_iter().enumerate() {
+        for c in 0..3 {
+            let cells = |frame: &&PatchPair| {
+                let plane = frame.side(Side::BOTH[s]).plane(c);
+                DVector::from_vec(fan.means(|k| f64::from(plane[k])))
+            };
+            let mut cells = DMatrix::from_columns(&frames.iter().map(cells).collect::<Vec<_>>());
+            let mean = cells.column_mean();
+            cells.column_iter_mut().for_each(|mut cells| cells -= &mean);
+            energy += (&whiten[s] * cells).norm_squared();
+        }
+    }
+    let count = 3 * (whiten[0].nrows() + whiten[1].nrows());
+    Some(energy / (count * (frames.len() - 1)) as f64)
 }
 
 /// The inverse of the lower Cholesky factor of noise, patterns and smooth light of the walls, cell by cell.
-fn whitening(spec: &LikelihoodSpec<'_>, s: usize) -> Option<DMatrix<f32>> {
+fn whitening(spec: &LikelihoodSpec<'_>, s: usize) -> Option<DMatrix<f64>> {
     let fan = spec.fans.sides()[s];
     let weights = &spec.weights[s];
     // A mean of n values has 1/n² of their variances' sum; a pixel without a weight counts as one of the noisiest.
@@ -162,7 +159,7 @@ fn whitening(spec: &LikelihoodSpec<'_>, s: usize) -> Option<DMatrix<f32>> {
     let lower = Cholesky::new(covariance)?.unpack();
     let identity = DMatrix::identity(fan.len(), fan.len());
     let inverse = lower.solve_lower_triangular(&identity)?;
-    inverse.iter().all(|v| v.is_finite()).then(|| inverse.map(|v| v as f32))
+    inverse.iter().all(|v| v.is_finite()).then_some(inverse)
 }
 
 /// What smooth light of the walls does to each cell, mode by mode.

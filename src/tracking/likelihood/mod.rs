@@ -6,6 +6,7 @@
 //! people's places are linear with Gaussian priors, and are integrated out.
 
 mod body_table;
+mod columns;
 mod measured;
 mod place;
 mod refine;

@@ -124,7 +124,10 @@ fn the_table_is_the_formula_between_its_places_too() {
             let literal = fans.sides()[s].means(|k| views[k]);
             let stencil = BodyTable::stencil(place::Place::from_point(centre));
             let interpolated = |cell: usize| {
-                let weigh = |&(k, w): &(usize, [f32; 3])| f64::from(w[0] * table.columns[s][k * literal.len() + cell]);
+                let weigh = |&(k, w): &(usize, [f32; 3])| {
+                    let (column, step) = table.columns[s].column(k);
+                    f64::from(w[0] * step * f32::from(column[cell]))
+                };
                 stencil.iter().map(weigh).sum::<f64>()
             };
             let squares = literal.iter().map(|v| v * v).sum::<f64>();
