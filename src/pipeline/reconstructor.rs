@@ -128,11 +128,15 @@ impl Reconstructor {
         &self.background
     }
 
+    /// Gives away what was learned, which is large and which the problem made of it can do without.
+    pub(super) fn take_background(&mut self) -> Background {
+        std::mem::replace(&mut self.background, Background::new(self.model.patch.size))
+    }
+
     /// Takes a problem that was prepared elsewhere.
     pub(super) fn install(&mut self, prepared: Prepared) {
         self.problem = Some(prepared);
-        // What it was made of is no longer needed, and large.
-        self.background = Background::new(self.model.patch.size);
+        self.take_background();
     }
 
     /// The picture that frames are compared with; none before there is one.

@@ -182,8 +182,8 @@ impl Keeper {
         if let Phase::Before = self.phase {
             if reconstructor.background().frames() > 0 {
                 // A recording's own frames of the empty room: nobody need guess.
-                let background = reconstructor.background().clone();
                 let map = reconstructor.reconstruct_in_noise(seen.pair, seen.excess)?;
+                let background = reconstructor.take_background();
                 self.watch(RollingBackground::from_background(&background), reconstructor, true);
                 return Ok(map);
             }
