@@ -7,7 +7,7 @@ use doorcam::config::Config;
 use doorcam::measurement::{Calibration, Fingerprint, Snapshot};
 use doorcam::pipeline::{FrameReader, Setup};
 use doorcam::simulation::Scenario;
-use doorcam::source::image::Image;
+use doorcam::source::image::{Image, ImageDecoder, JpegDepth};
 use doorcam::source::recording::Recording;
 use doorcam::source::truth::Truth;
 
@@ -92,9 +92,10 @@ pub fn scenario(bytes: &[u8]) {
     }
 }
 
-/// A frame, JPEG or PNG.
+/// A frame, JPEG or PNG: for people and for measuring.
 pub fn image(bytes: &[u8]) {
     let _ = Image::decode(bytes);
+    let _ = ImageDecoder::with_jpegs_of(JpegDepth::Exact).decode(bytes, None);
 }
 
 /// A camera with a hundred million pixels is slow to set up, which is no fault.

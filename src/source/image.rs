@@ -30,6 +30,9 @@ pub enum ImageError {
         /// The width and height asked for.
         expected: (usize, usize),
     },
+    /// The image has more pixels than there is reason to make room for.
+    #[error("the image has {0} x {1} pixels, expected 7680 x 4320 or as many at most")]
+    TooLarge(usize, usize),
     /// A raw frame without all of its bytes.
     #[error("the raw frame has {got} bytes, expected at least {expected}")]
     Short {
@@ -54,6 +57,9 @@ pub enum ImageError {
     #[error("an image of {0} x {1} pixels does not fit into a JPEG")]
     Encode(usize, usize),
 }
+
+/// Pixels of the largest image that is decoded: 8K. A file of some hundred bytes may claim to have any number.
+const MOST_PIXELS: usize = 7680 * 4320;
 
 /// Sample values as the file has them, red, green, blue interleaved, row by row from the top left.
 #[derive(Debug, Clone, PartialEq)]
@@ -218,10 +224,11 @@ impl ImageDecoder {
     }
 }
 
-/// An error unless the sizes (width, height) agree.
-pub(super) fn same_size(got: (usize, usize), expected: Option<(usize, usize)>) -> Result<(), ImageError> {
+/// An error unless the sizes (width, height) agree, or if there is no room for that size.
+pub(super) fn check_size(got: (usize, usize), expected: Option<(usize, usize)>) -> Result<(), ImageError> {
     match expected {
         Some(expected) if got != expected => Err(ImageError::WrongSize { got, expected }),
+        _ if got.0.saturating_mul(got.1) > MOST_PIXELS => Err(ImageError::TooLarge(got.0, got.1)),
         _ => Ok(()),
     }
 }
@@ -234,7 +241,7 @@ fn decode_png(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<Image, I
     let decoder = reader.into_decoder().map_err(broken)?;
     let (width, height) = decoder.dimensions();
     let (width, height) = (width as usize, height as usize);
-    same_size((width, height), expected)?;
+    check_size((width, height), expected)?;
     let decoded = DynamicImage::from_decoder(decoder).map_err(broken)?;
     let samples = match decoded {
         DynamicImage::ImageLuma16(_)
@@ -271,6 +278,19 @@ mod tests {
         let buffer = image::ImageBuffer::from_raw(4, 2, rgb.clone()).unwrap();
         let decoded = Image::decode(&png(image::DynamicImage::ImageRgb16(buffer))).unwrap();
         assert_eq!(decoded, Image { width: 4, height: 2, samples: Samples::Sixteen(rgb) });
+    }
+
+    #[test]
+    fn an_image_that_claims_to_be_huge_is_refused_before_there_is_room_for_it() {
+        let refused = Image::decode(include_bytes!("../../fuzz/corpus/png/huge.png")).unwrap_err();
+        assert_eq!(
+            refused.to_string(),
+            "the image has 40 x 1744830464 pixels, expected 7680 x 4320 or as many at most"
+        );
+        let mut jpeg = JPEG.to_vec();
+        let frame = jpeg.windows(2).position(|m| m == [0xff, 0xc0]).unwrap();
+        jpeg[frame + 5..frame + 9].fill(0x3f);
+        assert!(matches!(Image::decode(&jpeg), Err(ImageError::TooLarge(0x3f3f, 0x3f3f))));
     }
 
     #[test]

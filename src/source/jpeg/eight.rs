@@ -7,7 +7,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::outline::Outline;
 use super::standard;
-use crate::source::image::{Image, ImageError, one_line, same_size};
+use crate::source::image::{Image, ImageError, check_size, one_line};
 
 /// Decodes JPEG after JPEG, reusing its buffer.
 #[derive(Debug, Clone, Default)]
@@ -26,6 +26,9 @@ impl EightBit {
         expected: Option<(usize, usize)>,
         image: &mut Image,
     ) -> Result<(), ImageError> {
+        if outline.finer_colours {
+            return Err(ImageError::Jpeg("its colours are finer than its brightness".into()));
+        }
         self.complete.clear();
         self.complete.extend_from_slice(&bytes[..2]);
         if !outline.huffman_tables {
@@ -43,7 +46,7 @@ impl EightBit {
         let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&self.complete), options);
         decoder.decode_headers().map_err(broken)?;
         let size = decoder.dimensions().ok_or_else(|| ImageError::Jpeg("has no size".into()))?;
-        same_size(size, expected)?;
+        check_size(size, expected)?;
         if decoder.output_buffer_size() != Some(3 * size.0 * size.1) {
             return Err(ImageError::Jpeg("not a colour or grey image".into()));
         }

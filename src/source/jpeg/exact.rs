@@ -14,7 +14,7 @@ use super::header::{Colours, Component, Header, Quantisation};
 use super::huffman::{Huffman, Tables};
 use super::idct::{Block, ORDER, inverse};
 use super::outline::Outline;
-use crate::source::image::{Image, ImageError, same_size};
+use crate::source::image::{Image, ImageError, check_size};
 
 /// What is wrong with a JPEG's data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,7 +58,7 @@ impl Exact {
         image: &mut Image,
     ) -> Result<(), ImageError> {
         let (width, height) = (header.width, header.height);
-        same_size((width, height), expected)?;
+        check_size((width, height), expected)?;
         let data = bytes.get(header.data..).unwrap_or(&[]);
         // Each block takes two bits or more: this bounds what a short file can ask for.
         let blocks: usize = header.used().iter().map(|c| c.across * c.down).sum();

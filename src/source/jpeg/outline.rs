@@ -11,6 +11,8 @@ pub(super) struct Outline {
     pub huffman_tables: bool,
     /// Whether it is one that is coded from top to bottom: baseline or extended sequential.
     pub sequential: bool,
+    /// Whether a component has more samples, across or down, than the first one: no encoder makes these, and zune-jpeg panics.
+    pub finer_colours: bool,
     /// Blocks or groups of blocks (MCU) of the image, if it has a single scan.
     units: usize,
     /// Of these, how many there are between restart markers; 0 if there are no such markers.
@@ -43,6 +45,9 @@ impl Outline {
                 _ => {
                     let segment = segment(bytes, at).ok_or_else(cut_off)?;
                     at += segment.len() + 2;
+                    if matches!(marker, 0xc0..=0xc2) {
+                        outline.finer_colours |= finer_colours(segment);
+                    }
                     match marker {
                         0xc4 => outline.huffman_tables = true,
                         0xc0 | 0xc1 => {
@@ -96,6 +101,13 @@ pub(super) fn segment(bytes: &[u8], at: usize) -> Option<&[u8]> {
 
 pub(super) fn big_endian(bytes: &[u8]) -> usize {
     bytes.iter().fold(0, |n, &b| n << 8 | usize::from(b))
+}
+
+/// Whether a component has a larger sampling factor than the first one, by the frame header.
+fn finer_colours(frame: &[u8]) -> bool {
+    let mut factors = frame.get(6..).unwrap_or(&[]).chunks_exact(3).map(|c| (c[1] >> 4, c[1] & 15));
+    let first = factors.next();
+    factors.any(|(across, down)| first.is_some_and(|first| across > first.0 || down > first.1))
 }
 
 /// Units of an image whose components are all in one scan, by its frame header.

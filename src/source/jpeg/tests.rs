@@ -301,6 +301,15 @@ fn tables_that_are_missing_make_it_an_error() {
 }
 
 #[test]
+fn colours_that_are_finer_than_the_brightness_make_it_an_error() {
+    let bytes = include_bytes!("../../../fuzz/corpus/jpeg/fine-colour.jpg");
+    for depth in DEPTHS {
+        let refused = decode(depth, bytes).expect_err("no encoder makes these");
+        assert!(refused.contains("its colours are finer than its brightness"), "{refused}");
+    }
+}
+
+#[test]
 fn an_image_of_another_size_is_refused_before_it_is_decoded() {
     for depth in DEPTHS {
         let mut image = Image::empty();
