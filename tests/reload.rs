@@ -58,7 +58,7 @@ fn zones_change_a_broken_file_changes_nothing_and_what_takes_a_restart_is_named(
     // The recording has no calibration that could be changed, and so its room cannot, either.
     write(&file, &format!("[server]\nmax_connections = 9\n[room]\ndepth_m = 2.5\n{}", zone("sofa")));
     reload(&daemon, "not reloaded, in use after a restart: server.max_connections");
-    assert!(daemon.log().contains("not reloaded: room.depth_m: a recording of rectified patches needs no calibration"));
+    daemon.wait_for_log("not reloaded: room.depth_m: a recording of rectified patches needs no calibration");
     let used = daemon.json("/api/v1/config");
     assert_eq!((&used["server"]["max_connections"], &used["room"]["depth_m"]), (&json!(512), &json!(3.0)));
 

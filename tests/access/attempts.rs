@@ -19,8 +19,8 @@ fn ten_wrong_tokens_keep_an_address_from_trying_more() {
     // Nothing is tried without a token.
     assert_eq!(doorcam.ask("GET", "/api/v1/status", &[]).status, 401);
     assert_eq!(doorcam.ask("GET", "/livez", &[]).status, 200);
-    let log = doorcam.daemon.log();
-    assert_eq!(log.matches("wrong tokens").count(), 1, "{log}");
+    doorcam.daemon.wait_for_log("wrong tokens");
+    assert_eq!(doorcam.daemon.log().matches("wrong tokens").count(), 1, "{}", doorcam.daemon.log());
 }
 
 #[test]

@@ -211,6 +211,15 @@ impl Daemon {
         self.log.lock().expect("unpoisoned").clone()
     }
 
+    /// Waits until the log says something: it comes through a pipe, after the answer that it tells of.
+    pub fn wait_for_log(&self, said: &str) {
+        let deadline = Instant::now() + Duration::from_secs(60);
+        while !self.log().contains(said) {
+            assert!(Instant::now() < deadline, "waited in vain for \"{said}\" in the log: {}", self.log());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
     /// Status code and body of a GET request.
     pub fn get(&self, path: &str) -> (u16, Vec<u8>) {
         let agent: ureq::Agent = ureq::Agent::config_builder()
