@@ -69,6 +69,32 @@ fn the_watchdog_goes_hungry_when_no_more_frames_come() {
     assert_eq!(daemon.get("/livez").0, 200, "the process is well all the same");
 }
 
+#[cfg(target_env = "gnu")]
+#[test]
+fn memory_is_handed_back_with_or_without_the_service_manager() {
+    let unit = include_str!("../packaging/systemd/doorcam.service");
+    let (_, settings) = unit.split_once("Environment=MALLOC_MMAP").expect("the unit's settings");
+    let settings: Vec<_> =
+        format!("MALLOC_MMAP{settings}").lines().next().unwrap().split(' ').map(String::from).collect();
+    assert_eq!(settings.len(), 2, "{settings:?}");
+    let recording = grey_recording(&manifest(), 6);
+    let source = format!("replay:{},loop", recording.path().display());
+    let start = |own: Option<(&str, &str)>| {
+        let mut command = doorcam(&["serve", "--source", &source, "--listen", "127.0.0.1:0"]);
+        command.env_remove("MALLOC_MMAP_THRESHOLD_").env_remove("MALLOC_ARENA_MAX").envs(own);
+        Daemon::spawn(command)
+    };
+    let environment = |daemon: &Daemon| -> Vec<String> {
+        let bytes = std::fs::read(format!("/proc/{}/environ", daemon.id())).unwrap();
+        bytes.split(|&byte| byte == 0).map(|each| String::from_utf8_lossy(each).into_owned()).collect()
+    };
+    let found = environment(&start(None));
+    assert!(settings.iter().all(|setting| found.contains(setting)), "{settings:?} in {found:?}");
+    // Who has set one of them has his way with it.
+    let found = environment(&start(Some(("MALLOC_ARENA_MAX", "7"))));
+    assert!(found.contains(&settings[0]) && found.contains(&"MALLOC_ARENA_MAX=7".to_owned()), "{found:?}");
+}
+
 #[test]
 fn logs_for_programs_are_an_object_a_line() {
     let recording = grey_recording(&manifest(), 3);
