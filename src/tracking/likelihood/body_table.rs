@@ -95,6 +95,8 @@ impl BodyTable {
 
 /// The node before `t` and the weights, with their derivatives, of the four nodes around it: Catmull and Rom's cubic.
 fn cubic(t: f64) -> (usize, [[f64; 2]; 4]) {
+    // At the table's edge, rounding may put `t` just below the first node that has a neighbour.
+    let t = t.max(1.0);
     let node = t.floor();
     let u = t - node;
     let (u2, u3) = (u * u, u * u * u);
@@ -120,6 +122,26 @@ mod tests {
             let f = |x: f64| 1.0 + a * x + b * x * x;
             let sum = |d: usize| (0..4).map(|k| weights[k][d] * f((node + k) as f64 - 1.0)).sum::<f64>();
             prop_assert!((sum(0) - f(t)).abs() < 1e-9 && (sum(1) - (a + 2.0 * b * t)).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn stencils_stay_in_the_table_in_its_corners_and_beyond() {
+        let corners = [-9.0, 9.0].map(|log_range| [-9.0, 9.0].map(|azimuth| Place { azimuth, log_range }));
+        for corner in corners.into_iter().flatten() {
+            let place = BodyTable::clamp(corner);
+            let stencil = BodyTable::stencil(corner);
+            // Four neighbours in each of four neighbouring rows.
+            let first = stencil[0].0;
+            for (k, (number, _)) in stencil.iter().enumerate() {
+                assert_eq!(*number, first + k / 4 * AZIMUTHS + k % 4, "{corner:?}");
+                assert!(*number < AZIMUTHS * RANGES && first % AZIMUTHS + 3 < AZIMUTHS, "{corner:?}: {number}");
+            }
+            let mean = |of: fn(Place) -> f64| -> f64 {
+                stencil.iter().map(|&(number, [w, ..])| f64::from(w) * of(BodyTable::place(number))).sum()
+            };
+            assert!((mean(|p| p.azimuth) - place.azimuth).abs() < 1e-5, "{corner:?}");
+            assert!((mean(|p| p.log_range) - place.log_range).abs() < 1e-5, "{corner:?}");
         }
     }
 }
