@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use doorcam::source::image::{ImageDecoder, JpegDepth};
+use doorcam_source::image::{ImageDecoder, JpegDepth};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 
 /// A textured floor with the noise of a webcam indoors, a standard deviation of about 2 codes.

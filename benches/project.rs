@@ -3,10 +3,11 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use doorcam::geometry::{Doorway, FacetGrid, GridSpec};
-use doorcam::measurement::{PatchPair, edge_foot_mask};
-use doorcam::solver::{Columns, Nuisance, Pixels, Projection};
-use doorcam::transport::{Kernel, PatchGrid, PixelLayout, Transport, TransportSpec};
+use doorcam_core::geometry::{Doorway, FacetGrid, GridSpec};
+use doorcam_core::light::PatchPair;
+use doorcam_core::solver::{Columns, Nuisance, Pixels, Projection};
+use doorcam_core::transport::edge_foot_mask;
+use doorcam_core::transport::{Kernel, PatchGrid, PixelLayout, Transport, TransportSpec};
 
 fn project(c: &mut Criterion) {
     let doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None };

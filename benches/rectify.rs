@@ -4,11 +4,11 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use doorcam::config::Config;
-use doorcam::measurement::{Calibration, PatchPair};
-use doorcam::pipeline::FrameReader;
-use doorcam::source::sensor::{LumaMatrix, SensorFormat, SensorPixels};
-use doorcam::source::{Purpose, RawFrame, RawImages};
+use doorcam_core::calibration::Calibration;
+use doorcam_core::light::PatchPair;
+use doorcam_engine::{FrameReader, Settings};
+use doorcam_source::sensor::{LumaMatrix, SensorFormat, SensorPixels};
+use doorcam_source::{Purpose, RawFrame, RawImages};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 
 const WIDTH: usize = 1280;
@@ -46,7 +46,7 @@ fn frame(images: RawImages) -> RawFrame {
 
 fn rectify(c: &mut Criterion) {
     let Ok(calibration) = serde_json::from_str::<Calibration>(CALIBRATION) else { return };
-    let Ok(mut reader) = FrameReader::for_calibration(&Config::default(), &calibration) else { return };
+    let Ok(mut reader) = FrameReader::for_calibration(&Settings::default(), &calibration) else { return };
     let mut pair = PatchPair::zeros(reader.patch().size);
     let rgb = picture();
 
@@ -80,7 +80,7 @@ fn rectify(c: &mut Criterion) {
         });
     }
     c.bench_function("calibrate", |b| {
-        b.iter(|| FrameReader::for_calibration(&Config::default(), &calibration).is_ok())
+        b.iter(|| FrameReader::for_calibration(&Settings::default(), &calibration).is_ok())
     });
     let patch = reader.patch();
     c.bench_function("check a calibration", |b| b.iter(|| black_box(&calibration).check(&patch)));

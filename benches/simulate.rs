@@ -3,7 +3,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use doorcam::simulation::{FrameFormat, Scenario, Simulator};
+use doorcam_engine::simulation::{FrameFormat, Scenario, Simulator};
 
 fn simulate(c: &mut Criterion) {
     let scenario = |format| {

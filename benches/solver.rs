@@ -3,12 +3,13 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use doorcam::geometry::{Doorway, Facet, FacetGrid, GridSpec, Side};
-use doorcam::measurement::{PatchPair, edge_foot_mask};
-use doorcam::solver::{
+use doorcam_core::geometry::{Doorway, Facet, FacetGrid, GridSpec, Side};
+use doorcam_core::light::PatchPair;
+use doorcam_core::solver::{
     Admissible, Columns, Correlations, Limits, Nuisance, Pixels, Projection, Solution, Solver, Start,
 };
-use doorcam::transport::{Kernel, PatchGrid, PixelLayout, Transport, TransportSpec};
+use doorcam_core::transport::edge_foot_mask;
+use doorcam_core::transport::{Kernel, PatchGrid, PixelLayout, Transport, TransportSpec};
 
 const DOORWAY: Doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None };
 const PATCH: PatchGrid = PatchGrid { size: 64, fov_m: 0.15, layout: PixelLayout::EndsIncluded };

@@ -1,15 +1,16 @@
 //! Everything that comes from outside, each as a function of bytes that may return what it likes but must not panic, hang or
-//! take more memory than the input justifies. The fuzz targets beside this file call them, and so does `tests/hostile.rs`.
+//! take more memory than the input justifies. The fuzz targets beside this file call them, and so does `tests/daemon/hostile.rs`.
 
 use std::path::Path;
 
 use doorcam::config::Config;
-use doorcam::measurement::{Calibration, Fingerprint, Snapshot};
-use doorcam::pipeline::{FrameReader, Setup};
-use doorcam::simulation::Scenario;
-use doorcam::source::image::{Image, ImageDecoder, JpegDepth};
-use doorcam::source::recording::Recording;
-use doorcam::source::truth::Truth;
+use doorcam_core::calibration::Calibration;
+use doorcam_core::light::{Fingerprint, Snapshot};
+use doorcam_engine::simulation::Scenario;
+use doorcam_engine::{Assembly, FrameReader, Settings};
+use doorcam_source::image::{ImageDecoder, JpegDepth};
+use doorcam_source::recording::Recording;
+use doorcam_source::truth::Truth;
 
 /// One kind of input.
 pub struct Input {
@@ -38,7 +39,7 @@ pub fn recording(bytes: &[u8]) {
         if let Ok(recording) = Recording::open(directory)
             && is_ordinary(recording.manifest.size)
         {
-            let _ = FrameReader::for_recording(&Config::default(), &recording.manifest);
+            let _ = FrameReader::for_recording(&Settings::default(), &recording.manifest);
         }
     });
 }
@@ -74,15 +75,13 @@ pub fn calibration(bytes: &[u8]) {
     if let Ok(calibration) = serde_json::from_slice::<Calibration>(bytes)
         && is_ordinary(Some(calibration.size))
     {
-        let _ = Setup::new(Config::default()).check(&calibration);
+        let _ = Assembly::new(Settings::default()).check(&calibration);
     }
 }
 
 /// A background that an earlier run left.
 pub fn background(bytes: &[u8]) {
-    in_file("background.bin", bytes, |directory| {
-        let _ = Snapshot::load(&directory.join("background.bin"), &Fingerprint::new("a test"), 4, f64::INFINITY);
-    });
+    let _ = Snapshot::decode(bytes, &Fingerprint::new("a test"), 4, f64::INFINITY);
 }
 
 /// A scenario of the simulator.
@@ -94,7 +93,7 @@ pub fn scenario(bytes: &[u8]) {
 
 /// A frame, JPEG or PNG: for people and for measuring.
 pub fn image(bytes: &[u8]) {
-    let _ = Image::decode(bytes);
+    let _ = doorcam_source::image::decode(bytes);
     let _ = ImageDecoder::with_jpegs_of(JpegDepth::Exact).decode(bytes, None);
 }
 

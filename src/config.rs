@@ -5,6 +5,7 @@ mod background;
 mod camera;
 mod changes;
 mod history;
+mod into_settings;
 mod publish;
 mod tls;
 mod tracking;
@@ -23,12 +24,12 @@ pub use tls::TlsConfig;
 pub use tracking::{TrackerConfig, check_zones};
 use utoipa::ToSchema;
 
-use crate::geometry::{GridSpec, Point, Room};
-use crate::scene::Brightness;
-use crate::schema;
-use crate::solver::ModelKind;
-use crate::tracking::Zone;
-use crate::transport::Kernel;
+use doorcam_core::geometry::{GridSpec, Point, Room};
+use doorcam_core::scene::Brightness;
+use doorcam_core::schema;
+use doorcam_core::solver::{Lambda, ModelKind};
+use doorcam_core::tracking::Zone;
+use doorcam_core::transport::Kernel;
 
 /// A configuration that cannot be used: one line that names the file, the line or key, and what was expected.
 #[derive(Debug, thiserror::Error)]
@@ -105,12 +106,6 @@ impl Default for ServerConfig {
     }
 }
 
-impl Default for Room {
-    fn default() -> Self {
-        GridSpec::published().room
-    }
-}
-
 /// `[grid]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -161,16 +156,6 @@ pub struct Rectangle {
     pub to_m: Point,
 }
 
-impl Rectangle {
-    /// Whether a point of the floor is in it.
-    pub fn contains(&self, point: Point) -> bool {
-        (0..2).all(|k| {
-            let (a, b) = (self.from_m[k], self.to_m[k]);
-            (a.min(b)..=a.max(b)).contains(&point[k])
-        })
-    }
-}
-
 impl Default for PatchConfig {
     fn default() -> Self {
         Self { fov_m: 0.3, pixels: 64, exclude: Vec::new() }
@@ -213,50 +198,6 @@ pub struct SolverConfig {
 impl Default for SolverConfig {
     fn default() -> Self {
         Self { model: ModelKind::Signed, lambda: Lambda::Auto, lambda_factor: 1.0, lambda_share: 0.2, max_steps: 400 }
-    }
-}
-
-/// λ of eq. 13: a number, or "auto".
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "LambdaText", into = "LambdaText")]
-pub enum Lambda {
-    /// Chosen frame by frame from the measured noise; [`Lambda::PUBLISHED`] for the published model.
-    Auto,
-    /// This number.
-    Fixed(f64),
-}
-
-impl Lambda {
-    /// What the authors used on most of their laboratory measurements.
-    pub const PUBLISHED: f64 = 0.05;
-}
-
-/// λ as it stands in a file.
-#[derive(Serialize, Deserialize)]
-#[serde(untagged)]
-enum LambdaText {
-    Number(f64),
-    Word(String),
-}
-
-impl From<Lambda> for LambdaText {
-    fn from(lambda: Lambda) -> Self {
-        match lambda {
-            Lambda::Auto => LambdaText::Word("auto".into()),
-            Lambda::Fixed(number) => LambdaText::Number(number),
-        }
-    }
-}
-
-impl TryFrom<LambdaText> for Lambda {
-    type Error = String;
-
-    fn try_from(text: LambdaText) -> Result<Self, String> {
-        match text {
-            LambdaText::Number(number) => Ok(Lambda::Fixed(number)),
-            LambdaText::Word(word) if word == "auto" => Ok(Lambda::Auto),
-            LambdaText::Word(word) => Err(format!("lambda is \"{word}\", expected \"auto\" or a number above 0")),
-        }
     }
 }
 
@@ -317,17 +258,6 @@ impl Config {
         }
         self.preset = preset;
         self
-    }
-
-    /// The grid that `[room]` and `[grid]` describe.
-    pub fn grid_spec(&self) -> GridSpec {
-        GridSpec {
-            room: self.room,
-            intervals: (180.0 / self.grid.angular_step_deg).round() as usize,
-            min_angle: self.grid.min_angle_deg.to_radians(),
-            edge_clearance_m: self.grid.edge_clearance_m,
-            near_sum_m: self.grid.near_sum_m,
-        }
     }
 
     /// Checks each value's range; what depends on the doorway is checked with it.

@@ -1,30 +1,16 @@
 //! doorcam sees who moves in the room behind a doorway, from the light that falls on the floor in front of it.
 //!
-//! It implements "Double Your Corners, Double Your Fun: The Doorway Camera" (Krska et al., ICCP 2022); equations are cited
-//! by their numbers there. The way of a frame reads off the modules: [`source`] gives frames, [`measurement`] makes them
-//! the difference of eq. 4, [`solver`] inverts eq. 13 with the light transport of [`transport`] over the facets of
-//! [`geometry`], [`scene`] forms the views and the unified map. [`pipeline`] runs these stages frame after frame,
-//! [`render`] draws the result for print, [`server`] shows it live, [`history`] keeps what happened, and [`publish`]
-//! tells other systems. [`analysis`] measures all of it.
+//! This is the daemon around the engine: [`watch`] runs the frame loop and hands its updates to everyone who asks, [`feed`] opens its
+//! source, [`server`] shows them, [`history`] keeps what happened, [`publish`] tells other systems, [`config`] reads the file that steers it all.
+//! The optics, the inverse problem and the tracking are in `doorcam-core`, the sources of frames in `doorcam-source`, the way
+//! of a frame from images to an update in `doorcam-engine`; each works without this crate.
 
 // What a user, a file or a device gives must never panic.
 #![warn(clippy::unwrap_used, clippy::expect_used)]
 
-pub mod analysis;
 pub mod config;
-mod files;
-pub mod geometry;
+pub mod feed;
 pub mod history;
-pub mod import;
-pub mod measurement;
-pub mod pipeline;
 pub mod publish;
-pub mod render;
-pub mod scene;
-mod schema;
 pub mod server;
-pub mod simulation;
-pub mod solver;
-pub mod source;
-pub mod tracking;
-pub mod transport;
+pub mod watch;

@@ -1,12 +1,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use doorcam::analysis::{BENCH_FRAMES, BenchReport, Quantiles, bench};
-use doorcam::simulation::luminous::{Scenario, write_recording};
-use doorcam::source::recording::{Entry, Recording};
-use doorcam::source::{Purpose, RawFrame};
+use doorcam_engine::simulation::luminous::{Scenario, write_recording};
+use doorcam_engine::{BENCH_FRAMES, BenchReport, Quantiles, bench};
+use doorcam_source::recording::{Entry, Recording};
+use doorcam_source::{Purpose, RawFrame};
 
-use super::{ModelOptions, open_recording, progress};
+use super::{ModelOptions, progress};
+use doorcam::feed::open_recording;
 
 /// Measure how long each stage of a frame takes
 ///
@@ -49,7 +50,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let recording = open_recording(&path)?;
     let frames = load(&recording)?;
     let bar = progress(0);
-    let report = bench(&config, &recording.manifest, &frames, |done, all| {
+    let report = bench(&config.settings(), &recording.manifest, &frames, |done, all| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
     });
@@ -83,7 +84,7 @@ fn load(recording: &Recording) -> anyhow::Result<Vec<RawFrame>> {
     };
     let empty = recording.frames.iter().filter(|e| recording.purpose(e.index) == Purpose::Background);
     let after = recording.frames.iter().filter(|e| e.index >= background_end).take(BENCH_FRAMES);
-    let read = |entry: &Entry| match doorcam::source::load(recording, entry) {
+    let read = |entry: &Entry| match doorcam_source::load(recording, entry) {
         Ok(frame) => Some(frame),
         Err(reason) => {
             tracing::warn!("skipped frame {}: {reason}", entry.index);

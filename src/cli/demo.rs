@@ -1,12 +1,12 @@
 use std::path::PathBuf;
 
 use doorcam::config::Config;
-use doorcam::source::{Pace, ReplayOptions};
+use doorcam::feed::{Place, Simulated, SourceSpec};
+use doorcam_source::{Pace, ReplayOptions};
 
 use super::listening::ListenOptions;
-use super::serve::{access, serve_recording, serve_simulation};
+use super::serve::{access, show};
 use super::simulate;
-use super::source::Simulated;
 
 /// Show a simulated doorway, live, with the page: no camera needed
 ///
@@ -45,11 +45,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let mut config = Config::default();
     listening.apply(&mut config);
     let access = access(&config)?;
+    let spec = |place| SourceSpec { text: "demo".into(), place };
     if let Some(directory) = keep {
         simulate::write(scenario, directory, *seed, None)?;
         let looped = ReplayOptions { pace: Pace::Recorded, looped: true };
-        return serve_recording(&config, directory, looped, "demo", access);
+        return show(&config, &spec(Place::Replay(directory.clone(), looped)), access);
     }
     let simulated = Simulated { scenario: scenario.clone(), seed: *seed, pace: Pace::Recorded, once: false };
-    serve_simulation(&config, &simulated, "demo", access)
+    show(&config, &spec(Place::Simulate(simulated)), access)
 }

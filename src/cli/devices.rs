@@ -1,6 +1,6 @@
 use std::io::Write;
 
-use doorcam::source::v4l2::{CameraReport, ControlReport, FormatReport, SizeReport, cameras};
+use doorcam_source::v4l2::{CameraReport, ControlReport, FormatReport, SizeReport, cameras};
 
 /// List the cameras of this machine, what they offer and what can be set
 #[derive(Debug, clap::Args)]

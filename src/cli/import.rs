@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use doorcam::import::{Outcome, doorway_camera_code};
+use doorcam_source::import::{Outcome, doorway_camera_code};
 
 /// Turn other programs' data files into recordings
 #[derive(Debug, clap::Args)]

@@ -19,16 +19,15 @@ mod reload;
 mod serve;
 mod service;
 mod simulate;
-mod source;
+mod source_help;
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::Context;
 use clap::{Parser, Subcommand};
 use doorcam::config::{Config, Preset, parse_lambda};
-use doorcam::solver::ModelKind;
+use doorcam_core::solver::ModelKind;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// See who moves in the room behind a doorway, from the light that falls on the floor in front of it.
@@ -81,10 +80,29 @@ struct ModelOptions {
     lambda: Option<String>,
     /// Which changes a facet may show [default: signed]
     #[arg(long, value_name = "MODEL")]
-    model: Option<ModelKind>,
+    model: Option<ModelChoice>,
     /// "published": the authors' model, grid, kernel, 0.15 m patches and preprocessing
     #[arg(long, value_name = "NAME")]
     preset: Option<Preset>,
+}
+
+/// [`ModelKind`] on the command line.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum ModelChoice {
+    /// Eq. 13 as it is written: c_L, c_R >= 0 and v any unit vector, so that a facet may become brighter or darker in each
+    /// colour. People mostly darken: they block the light of the wall behind them.
+    Signed,
+    /// The authors' program: v >= 0, and only the background may become darker.
+    Published,
+}
+
+impl From<ModelChoice> for ModelKind {
+    fn from(choice: ModelChoice) -> Self {
+        match choice {
+            ModelChoice::Signed => ModelKind::Signed,
+            ModelChoice::Published => ModelKind::Published,
+        }
+    }
 }
 
 impl ModelOptions {
@@ -92,7 +110,7 @@ impl ModelOptions {
         let file = self.config.as_deref().map(Config::load).transpose()?;
         let mut config = file.unwrap_or_default().with_preset(self.preset);
         if let Some(model) = self.model {
-            config.solver.model = model;
+            config.solver.model = model.into();
         }
         if let Some(text) = &self.lambda {
             config.solver.lambda = parse_lambda("--lambda", text)?;
@@ -152,37 +170,7 @@ fn progress(frames: u64) -> ProgressBar {
     style.map(|style| bar.clone().with_style(style)).unwrap_or(bar)
 }
 
-/// Opens a recording and says which keys of its manifest mean nothing to this version.
-fn open_recording(path: &Path) -> anyhow::Result<doorcam::source::recording::Recording> {
-    let recording = doorcam::source::recording::Recording::open(path)?;
-    for key in &recording.unknown_keys {
-        tracing::warn!("{}: unknown key \"{key}\" is ignored", path.join("recording.json").display());
-    }
-    Ok(recording)
-}
-
-/// The frame reader and the model of a recording; errors name its manifest.
-fn engine_of(
-    config: &Config,
-    recording: &doorcam::source::recording::Recording,
-    warm_start: bool,
-) -> anyhow::Result<(doorcam::pipeline::Engine, std::sync::Arc<doorcam::pipeline::Model>)> {
-    engine(config, &recording.manifest, || recording.path.join("recording.json").display().to_string(), warm_start)
-}
-
-/// The frame reader and the model for what a manifest describes; errors begin with what `named` says.
-fn engine(
-    config: &Config,
-    manifest: &doorcam::source::recording::Manifest,
-    named: impl Fn() -> String,
-    warm_start: bool,
-) -> anyhow::Result<(doorcam::pipeline::Engine, std::sync::Arc<doorcam::pipeline::Model>)> {
-    use doorcam::pipeline::{Engine, FrameReader, Model, People, Reconstructor};
-
-    let reader = FrameReader::for_recording(config, manifest).with_context(&named)?;
-    let doorway = manifest.doorway;
-    let model = Model::new(config, doorway, reader.patch(), reader.seen()).with_context(named)?;
-    let model = std::sync::Arc::new(model);
-    let engine = Engine::new(reader, Reconstructor::new(std::sync::Arc::clone(&model), warm_start));
-    Ok((engine.averaging(&config.averaging).following(People::new(config)), model))
+/// What an error about a recording's model begins with: its manifest.
+fn manifest_of(recording: &Path) -> String {
+    recording.join("recording.json").display().to_string()
 }

@@ -3,14 +3,16 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use doorcam::pipeline::{Model, Published, StepError};
-use doorcam::render;
-use doorcam::solver::Audit;
-use doorcam::source::Purpose;
-use doorcam::source::recording::Entry;
+use doorcam_core::solver::Audit;
+use doorcam_engine::Assembly;
+use doorcam_engine::figures::{self, ReconstructionPicture};
+use doorcam_engine::{Model, Published, StepError};
+use doorcam_source::Purpose;
+use doorcam_source::recording::Entry;
 use jiff::{SignedDuration, Timestamp};
 
-use super::{ModelOptions, engine_of, open_recording, progress};
+use super::{ModelOptions, manifest_of, progress};
+use doorcam::feed::open_recording;
 
 /// Reconstruct a recording's frames: one update a line on stdout, pictures in a directory
 ///
@@ -66,13 +68,16 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if entries.iter().all(|e| recording.purpose(e.index) == Purpose::Background) {
         bail!("{}: no frame to reconstruct after background_frames", recording.path.display());
     }
-    let (mut engine, model) = engine_of(&config, &recording, false)?;
+    let assembly = Assembly::new(config.settings()).cold_starts();
+    let named = || manifest_of(&recording.path);
+    let mut engine = assembly.for_recording(&recording.manifest).with_context(named)?;
+    let model = engine.watched().model;
     let pictures = arguments.output.as_deref().map(|dir| Pictures::new(dir, &recording.path)).transpose()?;
     let progress = progress(entries.len() as u64);
     let mut skipped = 0;
     let mut stdout = std::io::stdout().lock();
     for entry in entries {
-        let stepped = doorcam::source::load(&recording, entry)
+        let stepped = doorcam_source::load(&recording, entry)
             .map_err(StepError::Skipped)
             .and_then(|frame| engine.step(&frame, recording_time(entry.seconds)));
         match stepped {
@@ -155,10 +160,10 @@ impl<'a> Pictures<'a> {
             published.update.facets.len(),
             model.brightness.words()
         );
-        let svg = render::reconstruction_svg(&model.picture(scene, Some(difference), &caption));
+        let svg = figures::reconstruction_svg(&ReconstructionPicture::of(model, scene, Some(difference), &caption));
         self.save(&format!("reconstruction_{frame:08}.svg"), svg.as_bytes())?;
-        self.save(&format!("reconstruction_{frame:08}.png"), &render::png(&svg, WIDTH)?)?;
-        self.save(&format!("difference_{frame:08}.png"), &render::difference_png(difference, PATCH_PIXEL)?)
+        self.save(&format!("reconstruction_{frame:08}.png"), &figures::png(&svg, WIDTH)?)?;
+        self.save(&format!("difference_{frame:08}.png"), &figures::difference_png(difference, PATCH_PIXEL)?)
     }
 
     fn save(&self, name: &str, bytes: &[u8]) -> anyhow::Result<()> {

@@ -5,17 +5,17 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use doorcam::config::Config;
-use doorcam::geometry::Doorway;
-use doorcam::measurement::Calibration;
-use doorcam::source::camera::Setting;
-use doorcam::source::recorder::{Limits, Recorder, RecordingPlan, RecordingStatus, RecordingWriter};
-use doorcam::source::{Condition, Granted, Replay, ReplayOptions, Source, SourceEvent, SourceState, SystemClock};
+use doorcam::feed::{Feed, Place, SourceSpec};
+use doorcam_core::calibration::Calibration;
+use doorcam_core::geometry::Doorway;
+use doorcam_source::camera::Setting;
+use doorcam_source::recorder::{Recorder, RecordingLimits, RecordingPlan, RecordingStatus, RecordingWriter};
+use doorcam_source::recording::Manifest;
+use doorcam_source::{Condition, Granted, Source, SourceEvent, SourceState};
 use indicatif::{ProgressBar, ProgressStyle};
 use tokio::signal::unix::{SignalKind, signal};
 
-use super::open_recording;
-use super::simulate;
-use super::source::{self, Simulated, SourceKind, SourceSpec};
+use super::source_help;
 
 /// Record a camera, or a recording, into a directory that replays
 ///
@@ -32,7 +32,7 @@ doorway and floor_points to OUT/recording.json before replaying.
 Examples:
   doorcam record --source v4l2:/dev/video0 --seconds 60 evening
   doorcam record --source v4l2:/dev/video0 --uncalibrated --empty-seconds 10 evening
-  doorcam serve --source replay:evening,loop", source::HELP))]
+  doorcam serve --source replay:evening,loop", source_help::HELP))]
 pub(super) struct Arguments {
     /// Where frames come from
     #[arg(long, value_name = "SOURCE")]
@@ -103,12 +103,13 @@ fn parse_size(text: &str) -> Result<u64, String> {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     RecordingWriter::check_free(&arguments.out)?;
-    let limits = Limits { seconds: arguments.seconds, frames: arguments.frames, bytes: Some(arguments.max_bytes) };
+    let limits =
+        RecordingLimits { seconds: arguments.seconds, frames: arguments.frames, bytes: Some(arguments.max_bytes) };
     let interrupted = interrupted()?;
-    match &arguments.source.kind {
-        SourceKind::Replay(directory, options) => replay(arguments, directory, *options, limits, &interrupted),
-        SourceKind::Camera(name) => camera(arguments, name, limits, &interrupted),
-        SourceKind::Simulate(simulated) => simulation(arguments, simulated, limits, &interrupted),
+    match &arguments.source.place {
+        Place::Camera(_) => camera(arguments, limits, &interrupted),
+        Place::Replay(..) => copy(arguments, "a recording has its own calibration", limits, &interrupted),
+        Place::Simulate(_) => copy(arguments, "a simulated camera brings its own calibration", limits, &interrupted),
     }
 }
 
@@ -134,43 +135,25 @@ fn interrupted() -> anyhow::Result<Arc<AtomicBool>> {
     Ok(flag)
 }
 
-fn replay(
+/// Records what has a manifest of its own: every frame, at its pace.
+fn copy(
     arguments: &Arguments,
-    directory: &Path,
-    options: ReplayOptions,
-    limits: Limits,
+    calibrated: &str,
+    limits: RecordingLimits,
     interrupted: &AtomicBool,
 ) -> anyhow::Result<()> {
+    let spec = &arguments.source;
     if arguments.calibration.is_some() || arguments.uncalibrated {
-        bail!("{}: a recording has its own calibration", arguments.source.text);
+        bail!("{}: {calibrated}", spec.text);
     }
-    let recording = Arc::new(open_recording(directory)?);
-    let manifest = recording.manifest.clone();
+    let feed = Feed::open(spec, &Config::default())?.every_frame();
+    let manifest = feed.manifest().cloned().with_context(|| format!("{}: has no manifest", spec.text))?;
     let plan = RecordingPlan { manifest, empty_seconds: arguments.empty_seconds, calibrated: true, limits };
     let mut recorder = Recorder::start(&arguments.out, plan)?;
-    let mut source = Replay::new(recording, options, SystemClock::default());
-    record(&mut source, &mut recorder, Narrator::default(), None, interrupted)
+    record(&mut *feed.start(), &mut recorder, Narrator::default(), None, interrupted)
 }
 
-/// Every frame of one round, at the simulation's pace.
-fn simulation(
-    arguments: &Arguments,
-    simulated: &Simulated,
-    limits: Limits,
-    interrupted: &AtomicBool,
-) -> anyhow::Result<()> {
-    if arguments.calibration.is_some() || arguments.uncalibrated {
-        bail!("{}: a simulated camera brings its own calibration", arguments.source.text);
-    }
-    let simulator = simulate::simulator(&simulated.scenario, simulated.seed)?;
-    let manifest = simulator.manifest().clone();
-    let plan = RecordingPlan { manifest, empty_seconds: arguments.empty_seconds, calibrated: true, limits };
-    let mut recorder = Recorder::start(&arguments.out, plan)?;
-    let mut source = simulate::live(simulator, simulated.pace, true);
-    record(&mut source, &mut recorder, Narrator::default(), None, interrupted)
-}
-
-fn camera(arguments: &Arguments, name: &str, limits: Limits, interrupted: &AtomicBool) -> anyhow::Result<()> {
+fn camera(arguments: &Arguments, limits: RecordingLimits, interrupted: &AtomicBool) -> anyhow::Result<()> {
     let spec = &arguments.source.text;
     let empty = arguments.empty_seconds.unwrap_or(3.0);
     if let Some(seconds) = limits.seconds.filter(|&seconds| seconds <= empty) {
@@ -190,12 +173,11 @@ fn camera(arguments: &Arguments, name: &str, limits: Limits, interrupted: &Atomi
              --calibration FILE, or --uncalibrated to add doorway and floor_points to the recording later"
         ),
     };
-    if let Some(size) =
-        calibration.as_ref().and_then(|c| Some([c.size[0].try_into().ok()?, c.size[1].try_into().ok()?]))
-    {
-        config.camera.size = size;
+    let mut feed = Feed::open(&arguments.source, &config)?.every_frame();
+    if let Some(calibration) = &calibration {
+        feed.use_calibration(calibration);
     }
-    let mut source = open_camera(&config, name, spec)?;
+    let mut source = feed.start();
     let mut narrator = Narrator::default();
     let granted = first_frame(&mut *source, &mut narrator, spec, interrupted)?;
     if let (Some(calibration), Some(file)) = (&calibration, &file)
@@ -216,7 +198,7 @@ fn camera(arguments: &Arguments, name: &str, limits: Limits, interrupted: &Atomi
         format!("{}, {}, recorded {}", granted.card, granted.format, jiff::Timestamp::now().strftime("%F %R UTC"));
     let plan = RecordingPlan {
         calibrated: calibration.is_some(),
-        manifest: calibration.unwrap_or_else(|| unknown(granted.size)).manifest(granted.fps, notes),
+        manifest: Manifest::of_camera(&calibration.unwrap_or_else(|| unknown(granted.size)), granted.fps, notes),
         empty_seconds: (empty > 0.0).then_some(empty),
         limits,
     };
@@ -246,24 +228,6 @@ fn load_calibration(file: &Path, config: &Config) -> anyhow::Result<Calibration>
     calibration.transfer = calibration.transfer.or(Some(config.camera.transfer.clone()));
     calibration.camera().with_context(name)?;
     Ok(calibration)
-}
-
-#[cfg(feature = "v4l2")]
-fn open_camera(config: &Config, name: &str, _: &str) -> anyhow::Result<Box<dyn Source>> {
-    use doorcam::source::camera::{CameraOptions, Locked, Supervisor};
-    use doorcam::source::v4l2::V4l2Camera;
-
-    // A recording wants every frame, not the newest one.
-    let options = CameraOptions { newest_only: false, ..config.camera.options() };
-    // The exposure that doorcam serve has locked, if it has.
-    let locked = Locked::new(config.storage.directory().map(|directory| directory.join("controls.json")));
-    let camera = V4l2Camera::new(name, options, Arc::new(locked));
-    Ok(Box::new(Supervisor::new(camera, SystemClock::default(), u64::from(std::process::id()))))
-}
-
-#[cfg(not(feature = "v4l2"))]
-fn open_camera(_: &Config, _: &str, spec: &str) -> anyhow::Result<Box<dyn Source>> {
-    bail!("{spec}: this doorcam was built without cameras (feature v4l2)")
 }
 
 /// Waits for a camera's first frame and returns what the camera granted.

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use doorcam::config::{Change, Config, Takes};
-use doorcam::history::History;
-use doorcam::pipeline::{Calibrator, Hub, ZoneKeeper};
+use doorcam::feed::SourceKind;
+use doorcam::history::{History, Kept};
 use doorcam::server::Access;
+use doorcam::watch::{Calibrator, Hub, ZoneKeeper};
 use metrics::{describe_gauge, gauge};
 use tokio::sync::watch;
 
@@ -15,8 +16,8 @@ pub(super) struct Reloader<Again> {
     pub(super) again: Again,
     /// The one in use.
     pub(super) in_use: watch::Sender<Config>,
-    /// Whether a camera is watched.
-    pub(super) camera: bool,
+    /// What is watched.
+    pub(super) kind: SourceKind,
     pub(super) access: Arc<Access>,
     pub(super) calibrator: Arc<Calibrator>,
     pub(super) zones: Arc<ZoneKeeper>,
@@ -62,7 +63,7 @@ impl<Again: Fn() -> anyhow::Result<Config>> Reloader<Again> {
         if !now.is_empty() {
             used.adopt(next, Takes::Nothing);
             self.zones.reconfigure(used.zones.clone());
-            self.history.limit(used.kept_history(self.camera).limits);
+            self.history.limit(Kept::of(&used, self.kind).limits);
             tracing::info!("reloaded, in use now: {now}");
         }
         if !learning.is_empty() {

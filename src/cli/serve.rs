@@ -4,22 +4,20 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use doorcam::config::Config;
-use doorcam::history::{History, Numbers};
-use doorcam::measurement::Calibration;
-use doorcam::pipeline::{
-    CalibrationStore, Calibrator, Engine, Hub, Keeping, Recordings, Setup, SourceInfo, ZoneKeeper, ZoneOrigin, start,
-};
+use doorcam::feed::{Feed, SourceKind, SourceSpec};
+use doorcam::history::{History, Kept, Numbers};
 use doorcam::publish::Publishers;
 use doorcam::server::{Access, Backend, Server, Tls};
-use doorcam::source::recording::Manifest;
-use doorcam::source::{Replay, ReplayOptions, Source, SystemClock};
+use doorcam::watch::{CalibrationStore, Calibrator, Hub, Keeping, Recordings, ZoneKeeper, ZoneOrigin, start};
+use doorcam_core::calibration::Calibration;
+use doorcam_engine::{Assembly, Engine, Work};
+use doorcam_source::recording::Manifest;
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::listening::ListenOptions;
 use super::reload::Reloader;
-use super::source::{self, Simulated, SourceKind, SourceSpec};
-use super::{ModelOptions, engine, engine_of, open_recording, service, simulate};
+use super::{ModelOptions, manifest_of, service, source_help};
 
 /// Watch a doorway and show the hidden room live, on a page and over REST and WebSocket
 #[derive(Debug, clap::Args)]
@@ -29,7 +27,7 @@ Examples:
   doorcam serve --source v4l2:/dev/video0
   doorcam serve --source replay:recordings/lab-0,loop --preset published
   doorcam serve --source simulate:two-crossing
-  and open http://127.0.0.1:8080", source::HELP))]
+  and open http://127.0.0.1:8080", source_help::HELP))]
 pub(super) struct Arguments {
     /// Where frames come from
     #[arg(long, value_name = "SOURCE")]
@@ -51,14 +49,11 @@ pub(super) struct Arguments {
 
 /// A source and what to do with its frames.
 struct Watch {
-    source: Box<dyn Source>,
+    feed: Feed,
     engine: Option<Engine>,
-    setup: Setup,
+    assembly: Assembly,
     calibration: Option<Calibration>,
     keeping: Keeping,
-    /// What a source that is no camera says of itself.
-    manifest: Option<Manifest>,
-    info: SourceInfo,
 }
 
 impl Arguments {
@@ -77,136 +72,86 @@ impl Arguments {
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let config = arguments.config()?;
     let access = access(&config)?;
-    let file = arguments.calibration.as_deref();
-    let SourceSpec { text, kind } = &arguments.source;
-    let watch = match kind {
-        SourceKind::Replay(directory, options) => replay(&config, directory, *options, text, file)?,
-        SourceKind::Camera(name) => camera(&config, name, text, file)?,
-        SourceKind::Simulate(simulated) => simulation(&config, simulated, text, file)?,
-    };
+    let watch = watch(&config, &arguments.source, arguments.calibration.as_deref())?;
     serve(&config, || arguments.config(), watch, access)
 }
 
-/// Replays a recording to whoever connects, until interrupted.
-pub(super) fn serve_recording(
-    config: &Config,
-    directory: &Path,
-    options: ReplayOptions,
-    spec: &str,
-    access: (Access, Option<Tls>),
-) -> anyhow::Result<()> {
-    serve(config, || Ok(config.clone()), replay(config, directory, options, spec, None)?, access)
+/// Shows a source that needs no other options to whoever connects, until interrupted.
+pub(super) fn show(config: &Config, spec: &SourceSpec, access: (Access, Option<Tls>)) -> anyhow::Result<()> {
+    serve(config, || Ok(config.clone()), watch(config, spec, None)?, access)
 }
 
-/// Shows a simulated doorway to whoever connects, until interrupted.
-pub(super) fn serve_simulation(
-    config: &Config,
-    simulated: &Simulated,
-    spec: &str,
-    access: (Access, Option<Tls>),
-) -> anyhow::Result<()> {
-    serve(config, || Ok(config.clone()), simulation(config, simulated, spec, None)?, access)
-}
-
-fn simulation(config: &Config, simulated: &Simulated, spec: &str, file: Option<&Path>) -> anyhow::Result<Watch> {
-    if let Some(file) = file {
-        bail!("{}: a simulated camera brings its own calibration", file.display());
-    }
-    let simulator = simulate::simulator(&simulated.scenario, simulated.seed)?;
-    let manifest = simulator.manifest().clone();
-    let calibration = Calibration::of_recording(&manifest);
-    let (engine, _) = engine(config, &manifest, || simulated.scenario.clone(), true)?;
-    let info = SourceInfo { spec: spec.into(), kind: "simulate", notes: manifest.notes.clone(), fps: manifest.fps };
-    Ok(Watch {
-        source: Box::new(simulate::live(simulator, simulated.pace, simulated.once)),
-        engine: Some(engine.rolling(&config.background, None)),
-        setup: Setup::new(config.clone()),
-        calibration,
-        keeping: Keeping::Fixed("a simulated camera brings its own calibration".into()),
-        manifest: Some(manifest),
-        info,
-    })
-}
-
-fn replay(
-    config: &Config,
-    directory: &Path,
-    options: ReplayOptions,
-    spec: &str,
-    file: Option<&Path>,
-) -> anyhow::Result<Watch> {
-    let mut recording = open_recording(directory)?;
-    if recording.manifest.background_frames.is_none() {
-        let manifest = directory.join("recording.json");
-        bail!("{}: background_frames is missing, expected [first, end) of the empty room", manifest.display());
-    }
-    let own = Calibration::of_recording(&recording.manifest);
-    let keeping = match (file, &own) {
-        (Some(file), Some(_)) => Keeping::File(CalibrationStore::new(file.into())),
-        (Some(file), None) => bail!("{}: a recording of rectified patches needs no calibration", file.display()),
-        (None, Some(_)) => Keeping::Fixed(
-            "a recording brings its own calibration; start doorcam with --calibration FILE to make another".into(),
-        ),
-        (None, None) => Keeping::Fixed("a recording of rectified patches needs no calibration".into()),
-    };
+/// Opens a source and puts together what works on its frames; `file` is where its calibration is kept, if that was said.
+fn watch(config: &Config, spec: &SourceSpec, file: Option<&Path>) -> anyhow::Result<Watch> {
+    let mut feed = Feed::open(spec, config)?;
+    let keeping = keeping(&feed, config, file)?;
     let kept = match &keeping {
         Keeping::File(store) => store.load()?,
         Keeping::Fixed(_) => None,
     };
+    let calibration = kept.clone().or_else(|| feed.manifest().and_then(Manifest::calibration));
     if let Some(kept) = &kept {
-        kept.apply_to(&mut recording.manifest);
+        feed.use_calibration(kept);
     }
-    let recording = Arc::new(recording);
-    let (engine, _) = engine_of(config, &recording, true)?;
-    let engine = engine.rolling(&config.background, None);
-    let info = SourceInfo {
-        spec: spec.into(),
-        kind: "replay",
-        notes: recording.manifest.notes.clone(),
-        fps: recording.manifest.fps,
+    let mut assembly = Assembly::new(config.settings()).rolling(Work::Aside);
+    if let (Some(directory), Some(settings)) = (config.storage.directory(), feed.camera_settings()) {
+        assembly = assembly.keeping(directory.join("background.bin"), settings);
+    }
+    let engine = match (feed.manifest(), &calibration) {
+        (Some(manifest), _) => {
+            let named = || feed.recording().map_or_else(|| feed.info().spec, manifest_of);
+            Some(assembly.for_recording(manifest).with_context(named)?)
+        }
+        (None, Some(calibration)) => {
+            let named = || match &keeping {
+                Keeping::File(store) => store.file().display().to_string(),
+                Keeping::Fixed(_) => spec.text.clone(),
+            };
+            Some(assembly.for_camera(calibration).with_context(named)?)
+        }
+        (None, None) => {
+            tracing::info!("the camera is not calibrated yet: open the page to do so");
+            None
+        }
     };
-    let manifest = Some(recording.manifest.clone());
-    let source = Box::new(Replay::new(recording, options, SystemClock::default()));
-    let setup = Setup::new(config.clone());
-    Ok(Watch { source, engine: Some(engine), setup, calibration: kept.or(own), keeping, manifest, info })
+    Ok(Watch { feed, engine, assembly, calibration, keeping })
 }
 
-#[cfg(feature = "v4l2")]
-fn camera(config: &Config, name: &str, spec: &str, file: Option<&Path>) -> anyhow::Result<Watch> {
-    use doorcam::source::camera::{Locked, Supervisor};
-    use doorcam::source::v4l2::V4l2Camera;
-
-    let usual = || config.storage.directory().map(|directory| directory.join("calibration.json"));
-    let Some(file) = file.map(Path::to_owned).or_else(usual) else {
-        bail!("there is no place for the camera's calibration, expected --calibration FILE, --storage DIR or $HOME");
-    };
-    let store = CalibrationStore::new(file);
-    let calibration = store.load()?;
-    let named = || store.file().display().to_string();
-    let directory = config.storage.directory();
-    let locked = Arc::new(Locked::new(directory.as_ref().map(|directory| directory.join("controls.json"))));
-    let mut setup = Setup::new(config.clone());
-    if let Some(directory) = directory {
-        let (locked, options) = (Arc::clone(&locked), config.camera.options());
-        setup = setup
-            .keeping(directory.join("background.bin"), move || format!("{:?}; {}", options.controls, locked.words()));
+/// Where the calibration of a source is kept, or why it cannot be changed.
+fn keeping(feed: &Feed, config: &Config, file: Option<&Path>) -> anyhow::Result<Keeping> {
+    let fixed = |reason: &str| Ok(Keeping::Fixed(reason.into()));
+    match feed.kind() {
+        SourceKind::Simulate => match file {
+            Some(file) => bail!("{}: a simulated camera brings its own calibration", file.display()),
+            None => fixed("a simulated camera brings its own calibration"),
+        },
+        SourceKind::Replay => {
+            let manifest = feed.manifest();
+            if manifest.is_some_and(|manifest| manifest.background_frames.is_none()) {
+                let named = feed.recording().map(manifest_of).unwrap_or_default();
+                bail!("{named}: background_frames is missing, expected [first, end) of the empty room");
+            }
+            match (file, manifest.and_then(Manifest::calibration)) {
+                (Some(file), Some(_)) => Ok(Keeping::File(CalibrationStore::new(file.into()))),
+                (Some(file), None) => {
+                    bail!("{}: a recording of rectified patches needs no calibration", file.display())
+                }
+                (None, Some(_)) => fixed(
+                    "a recording brings its own calibration; start doorcam with --calibration FILE to make another",
+                ),
+                (None, None) => fixed("a recording of rectified patches needs no calibration"),
+            }
+        }
+        SourceKind::V4l2 => {
+            let usual = || config.storage.directory().map(|directory| directory.join("calibration.json"));
+            match file.map(Path::to_owned).or_else(usual) {
+                Some(file) => Ok(Keeping::File(CalibrationStore::new(file))),
+                None => bail!(
+                    "there is no place for the camera's calibration, expected --calibration FILE, --storage DIR or $HOME"
+                ),
+            }
+        }
     }
-    let engine = calibration.as_ref().map(|c| setup.engine(c)).transpose().with_context(named)?;
-    let mut options = config.camera.options();
-    match &calibration {
-        // It is for pictures of one size.
-        Some(calibration) => options.wish.size = calibration.size.map(|side| u32::try_from(side).unwrap_or(u32::MAX)),
-        None => tracing::info!("the camera is not calibrated yet: open the page to do so"),
-    }
-    let camera = V4l2Camera::new(name, options, locked);
-    let source = Box::new(Supervisor::new(camera, SystemClock::default(), u64::from(std::process::id())));
-    let info = SourceInfo { spec: spec.into(), kind: "v4l2", notes: String::new(), fps: config.camera.fps };
-    Ok(Watch { source, engine, setup, calibration, keeping: Keeping::File(store), manifest: None, info })
-}
-
-#[cfg(not(feature = "v4l2"))]
-fn camera(_: &Config, _: &str, spec: &str, _: Option<&Path>) -> anyhow::Result<Watch> {
-    bail!("{spec}: this doorcam was built without cameras (feature v4l2)")
 }
 
 /// What `/metrics` shows is recorded from here on.
@@ -233,15 +178,16 @@ fn serve(
     watch: Watch,
     (access, tls): (Access, Option<Tls>),
 ) -> anyhow::Result<()> {
-    let Watch { source, engine, setup, calibration, keeping, manifest, info } = watch;
+    let Watch { feed, mut engine, assembly, calibration, keeping } = watch;
+    let (info, manifest) = (feed.info(), feed.manifest().cloned());
     let spec = info.spec.clone();
     // Before the hub: what counts without a recorder counts for nobody.
     let metrics = recorder();
-    let camera = info.kind == "v4l2";
-    let history = History::start(config.kept_history(camera))?;
+    let kind = info.kind;
+    let history = History::start(Kept::of(config, kind))?;
     let Numbers { track, event, .. } = history.numbers();
-    let mut engine = engine.map(|engine| engine.counting_from(track, event));
-    let setup = setup.counting_from(track, event);
+    engine.iter_mut().for_each(|engine| engine.count_from(track, event));
+    let assembly = assembly.counting_from(track, event);
     let directory = config.storage.directory();
     // What is drawn over a replayed or simulated room says nothing of the camera that usually keeps things here.
     let own_place = manifest.is_none() || !config.storage.directory.as_os_str().is_empty();
@@ -272,7 +218,7 @@ fn serve(
         let mut terminate = signal(SignalKind::terminate())?;
         let mut hangup = signal(SignalKind::hangup())?;
         // The port first, then the frames: nobody should miss the beginning of a recording.
-        let running = start(source, engine, Arc::clone(&hub)).context("cannot start the frame loop")?;
+        let running = start(feed.start(), engine, Arc::clone(&hub)).context("cannot start the frame loop")?;
         if let Some(metrics) = metrics.clone() {
             // What is measured piles up until somebody looks at it, or this is done.
             tokio::spawn(async move {
@@ -287,7 +233,7 @@ fn serve(
         let (end, ending) = tokio::sync::watch::channel(false);
         let publishing = tokio::spawn(publishers.clone().run(Arc::clone(&hub), ending));
         let calibrator =
-            Arc::new(Calibrator::new(setup, keeping, calibration, Arc::clone(&hub), running.control().clone()));
+            Arc::new(Calibrator::new(assembly, keeping, calibration, Arc::clone(&hub), running.control().clone()));
         let zones = Arc::new(ZoneKeeper::new(
             config.zones.clone(),
             zones_file,
@@ -299,7 +245,7 @@ fn serve(
         let reloader = Reloader {
             again,
             in_use,
-            camera,
+            kind,
             access: server.access(),
             calibrator: Arc::clone(&calibrator),
             zones: Arc::clone(&zones),

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use doorcam::pipeline::Hub;
+use doorcam::watch::Hub;
 use sd_notify::NotifyState;
 
 /// Says that the page and the API are there.

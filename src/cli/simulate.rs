@@ -1,9 +1,7 @@
 use std::path::PathBuf;
-use std::sync::Arc;
 
-use anyhow::{Context, bail};
-use doorcam::simulation::{LiveOptions, LiveSimulation, Scenario, Simulator, record_simulation};
-use doorcam::source::{Pace, SystemClock};
+use anyhow::bail;
+use doorcam_engine::simulation::{Scenario, record_simulation};
 
 use super::progress;
 
@@ -62,8 +60,8 @@ fn list() -> anyhow::Result<()> {
 
 /// Writes a recording of a scenario.
 pub(super) fn write(scenario: &str, out: &std::path::Path, seed: u64, frames: Option<u64>) -> anyhow::Result<()> {
-    doorcam::source::recorder::RecordingWriter::check_free(out)?;
-    let simulator = simulator(scenario, seed)?;
+    doorcam_source::recorder::RecordingWriter::check_free(out)?;
+    let simulator = doorcam::feed::simulator(scenario, seed)?;
     let frames = frames.unwrap_or(simulator.scenario().frames());
     tracing::info!("simulating {frames} frames of {scenario} in {}", out.display());
     let progress = progress(frames);
@@ -73,14 +71,4 @@ pub(super) fn write(scenario: &str, out: &std::path::Path, seed: u64, frames: Op
     let (first, description) = (simulator.scenario().background_frames(), &simulator.scenario().description);
     tracing::info!("recording in {}: {description}; the first {first} frames show the empty room", out.display());
     Ok(())
-}
-
-/// A scenario, ready to make frames; errors name it.
-pub(super) fn simulator(scenario: &str, seed: u64) -> anyhow::Result<Simulator> {
-    Simulator::new(Scenario::load(scenario)?, seed).map_err(anyhow::Error::msg).with_context(|| scenario.to_owned())
-}
-
-/// A scenario as a source.
-pub(super) fn live(simulator: Simulator, pace: Pace, once: bool) -> LiveSimulation<SystemClock> {
-    LiveSimulation::new(Arc::new(simulator), LiveOptions { pace, once }, SystemClock::default())
 }

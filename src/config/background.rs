@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::{ConfigError, within};
-use crate::measurement::Averaging;
+use doorcam_core::light::Averaging;
 
 /// `[background]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::{ConfigError, within};
-use crate::schema;
-use crate::source::camera::{CameraOptions, ControlSettings, PixelFormat, Setting, Wish};
-use crate::source::recording::{Lens, Transfer};
+use doorcam_core::optics::{Lens, Transfer};
+use doorcam_core::schema;
+use doorcam_source::camera::{CameraOptions, ControlSettings, PixelFormat, Setting, Wish};
 
 /// `[storage]`
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]

@@ -2,12 +2,10 @@
 
 use std::path::PathBuf;
 
-use jiff::SignedDuration;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::{Config, ConfigError, within};
-use crate::history::{Kept, Limits};
+use super::{ConfigError, within};
 
 /// `[history]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -37,37 +35,9 @@ impl HistoryConfig {
     }
 }
 
-impl Config {
-    /// What is kept, and where. Of what is no camera, only where a file is named: a recording's people come again and again.
-    pub fn kept_history(&self, camera: bool) -> Kept {
-        let HistoryConfig { enabled, file, keep_days, max_bytes } = &self.history;
-        let file = match self.storage.directory() {
-            _ if !enabled => Err("history.enabled is false"),
-            _ if !file.as_os_str().is_empty() => Ok(file.clone()),
-            _ if !camera => {
-                Err("of recordings and simulations, a history is kept only in a file that history.file names")
-            }
-            Some(directory) => Ok(directory.join("history.sqlite")),
-            None => Err("there is no place for it: no history.file, no storage.directory, no $HOME"),
-        };
-        let age = SignedDuration::try_from_secs_f64(86_400.0 * keep_days).unwrap_or(SignedDuration::MAX);
-        Kept { file: file.map_err(String::from), limits: Limits { age, bytes: *max_bytes } }
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
-
-    #[test]
-    fn the_file_is_the_configured_one_or_a_cameras_in_the_storage_directory() {
-        let kept = |text: &str, camera| Config::parse(text).unwrap().kept_history(camera).file;
-        let storage = "[storage]\ndirectory = \"/srv/door\"\n";
-        assert_eq!(kept(storage, true), Ok("/srv/door/history.sqlite".into()));
-        assert!(kept(storage, false).is_err());
-        assert_eq!(kept("[history]\nfile = \"x.sqlite\"\n", false), Ok("x.sqlite".into()));
-        assert!(kept("[history]\nenabled = false\nfile = \"x.sqlite\"\n", true).is_err());
-    }
+    use super::super::Config;
 
     #[test]
     fn values_out_of_range_name_their_key() {

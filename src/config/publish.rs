@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize, Serializer};
 use utoipa::ToSchema;
 
 use super::{ConfigError, within};
-use crate::tracking::EventKind;
+use doorcam_core::tracking::EventKind;
 
 /// Webhooks that may be configured.
 const MOST_WEBHOOKS: usize = 8;

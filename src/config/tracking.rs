@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::{ConfigError, within};
-use crate::geometry::Room;
-use crate::tracking::likelihood::MOST_PEOPLE;
-use crate::tracking::{Dwelling, TrackerSettings, Zone};
+use doorcam_core::geometry::Room;
+use doorcam_core::tracking::likelihood::MOST_PEOPLE;
+use doorcam_core::tracking::{Dwelling, TrackerSettings, Zone};
 
 /// Zones that may be configured.
 const MOST_ZONES: usize = 32;

@@ -3,6 +3,7 @@
 //! The frame loop hands over what each update says ([`History::take`]) and goes on; a thread of its own writes it down twice a
 //! second. Where the file cannot be written, memory takes its place until it can.
 
+mod kept;
 mod query;
 mod retention;
 mod schema;
@@ -11,11 +12,12 @@ mod store;
 mod writer;
 
 use jiff::Timestamp;
+pub use kept::Kept;
 pub use query::{EventPage, EventQuery, Interval, IntervalPage, IntervalQuery, SpanPage, SpanQuery};
-pub use retention::Limits;
+pub use retention::Retention;
 pub use spans::Span;
 pub use store::StoreError;
-pub use writer::{History, HistoryError, HistoryReport, Kept, Observation};
+pub use writer::{History, HistoryError, HistoryReport, Observation};
 
 /// The numbers that come next: they go on from run to run, so that each means one thing for ever.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

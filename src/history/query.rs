@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 use super::Span;
 use super::spans::LONGEST;
 use super::store::{integer, nanoseconds};
-use crate::tracking::{Event, EventKind};
+use doorcam_core::tracking::{Event, EventKind};
 
 /// Which events somebody asks for.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -5,7 +5,7 @@ use super::store::{Store, nanoseconds};
 
 /// How much is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Limits {
+pub struct Retention {
     /// What is older goes.
     pub age: SignedDuration,
     /// Bytes on disk; beyond them, the oldest goes.
@@ -19,7 +19,7 @@ const AT_ONCE: u64 = 2000;
 
 impl Store {
     /// Deletes some of what is beyond the limits; returns how many rows went. None went: everything is within them.
-    pub(super) fn prune(&mut self, limits: Limits, now: Timestamp) -> rusqlite::Result<usize> {
+    pub(super) fn prune(&mut self, limits: Retention, now: Timestamp) -> rusqlite::Result<usize> {
         let size = Size::of(&self.connection)?;
         let transaction = self.connection.transaction()?;
         let gone = if size.used() > limits.bytes { oldest(&transaction)? } else { expired(&transaction, limits, now)? };
@@ -69,7 +69,7 @@ fn oldest(connection: &Connection) -> rusqlite::Result<usize> {
     Ok(gone)
 }
 
-fn expired(connection: &Connection, limits: Limits, now: Timestamp) -> rusqlite::Result<usize> {
+fn expired(connection: &Connection, limits: Retention, now: Timestamp) -> rusqlite::Result<usize> {
     let before = now.checked_sub(limits.age).map_or(i64::MIN, nanoseconds);
     let mut gone = 0;
     for (table, number, began) in [("events", "sequence", "time_ns"), ("occupancy", "id", "from_ns")] {
@@ -108,7 +108,7 @@ mod tests {
     fn what_is_too_old_goes() {
         let mut store = Store::in_memory().unwrap();
         fill(&mut store, 0, 9000);
-        let limits = Limits { age: SignedDuration::from_secs(1000), bytes: u64::MAX };
+        let limits = Retention { age: SignedDuration::from_secs(1000), bytes: u64::MAX };
         let now = Timestamp::from_second(9000).unwrap();
         while store.prune(limits, now).unwrap() > 0 {}
         assert_eq!((kept(&store, EVENTS), kept(&store, SPANS)), ((1000, 8000, 8999), (1000, 8000, 8999)));
@@ -119,7 +119,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let file = directory.path().join("history.sqlite");
         let mut store = Store::open(&file).unwrap();
-        let limits = Limits { age: FOR_EVER, bytes: 2_000_000 };
+        let limits = Retention { age: FOR_EVER, bytes: 2_000_000 };
         let on_disk = || {
             let length = |more| std::fs::metadata(beside(&file, more)).map_or(0, |m| m.len());
             length("") + length("-wal")

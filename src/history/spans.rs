@@ -2,7 +2,7 @@ use jiff::{SignedDuration, Timestamp};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::tracking::Occupancy;
+use doorcam_core::tracking::Occupancy;
 
 /// A span is at most this long: what overlaps a time began at most so long before it.
 pub(super) const LONGEST: SignedDuration = SignedDuration::from_hours(1);

@@ -10,7 +10,7 @@ use super::query::{read_event, read_span};
 use super::retention::LOG_PAGES;
 use super::schema::{MIGRATIONS, migrate};
 use super::{Numbers, Span};
-use crate::tracking::Event;
+use doorcam_core::tracking::Event;
 
 /// Why a history cannot be kept in a file.
 #[derive(Debug, thiserror::Error)]
@@ -262,7 +262,7 @@ fn numbers(connection: &Connection) -> rusqlite::Result<Numbers> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::tracking::EventKind;
+    use doorcam_core::tracking::EventKind;
 
     pub(in super::super) fn event(sequence: u64) -> Event {
         let time = Timestamp::from_millisecond(1000 * sequence as i64).unwrap();

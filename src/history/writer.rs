@@ -11,10 +11,10 @@ use utoipa::ToSchema;
 use super::query::{EventPage, EventQuery, IntervalPage, IntervalQuery, SpanPage, SpanQuery, Tables};
 use super::spans::Spans;
 use super::store::{Batch, Store, StoreError, failed, open_reader};
-use super::{Limits, Numbers};
-use crate::pipeline::{State, Update};
-use crate::source::camera::Backoff;
-use crate::tracking::{Event, Occupancy, TrackState};
+use super::{Kept, Numbers, Retention};
+use doorcam_core::tracking::{Event, Occupancy, TrackState};
+use doorcam_engine::{State, Update};
+use doorcam_source::camera::Backoff;
 
 /// How often what is new is written.
 const EVERY: Duration = Duration::from_millis(500);
@@ -26,15 +26,6 @@ const MEMORY_BYTES: u64 = 8_000_000;
 const RETRY: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(30)];
 /// How long whoever asks waits for the newest to be written.
 const SETTLE: Duration = Duration::from_secs(1);
-
-/// What to keep, and where.
-#[derive(Debug, Clone)]
-pub struct Kept {
-    /// The file, or why there is none.
-    pub file: Result<PathBuf, String>,
-    /// How much.
-    pub limits: Limits,
-}
 
 /// What an update says that is kept.
 #[derive(Debug, Clone, Copy)]
@@ -92,7 +83,7 @@ struct Pending {
     fresh: bool,
     lost: u64,
     /// Other limits, since the last time.
-    limits: Option<Limits>,
+    limits: Option<Retention>,
     /// Counts who wanted it to be written, and whose wish was fulfilled.
     asked: u64,
     answered: u64,
@@ -226,7 +217,7 @@ impl History {
     }
 
     /// Keeps more or less from now on.
-    pub fn limit(&self, limits: Limits) {
+    pub fn limit(&self, limits: Retention) {
         lock(&self.shared.pending).limits = Some(limits);
     }
 
@@ -418,7 +409,7 @@ impl Writer {
         let pruned = match &mut self.store {
             Some(store) => store.prune(limits, Timestamp::now()).and_then(|gone| Ok((gone, store.bytes()?))),
             None => {
-                let limits = Limits { bytes: limits.bytes.min(MEMORY_BYTES), ..limits };
+                let limits = Retention { bytes: limits.bytes.min(MEMORY_BYTES), ..limits };
                 let pruned = lock(&self.shared.reading).memory.prune(limits, Timestamp::now());
                 if let (Ok(gone), Ok(_)) = (&pruned, &self.kept.file) {
                     lock(&self.shared.report).lost += *gone as u64;

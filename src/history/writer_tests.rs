@@ -3,7 +3,7 @@ use jiff::SignedDuration;
 use super::super::store::tests::event;
 use super::*;
 
-const LIMITS: Limits = Limits { age: SignedDuration::MAX, bytes: 50_000_000 };
+const LIMITS: Retention = Retention { age: SignedDuration::MAX, bytes: 50_000_000 };
 
 fn kept(file: Result<PathBuf, String>) -> Kept {
     Kept { file, limits: LIMITS }

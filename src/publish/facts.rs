@@ -2,8 +2,9 @@ use jiff::Timestamp;
 use serde::Serialize;
 
 use crate::config::topic_level;
-use crate::pipeline::{Hub, State};
-use crate::tracking::{Track, TrackState};
+use crate::watch::Hub;
+use doorcam_core::tracking::{Track, TrackState};
+use doorcam_engine::State;
 
 /// What there is to say at a time.
 #[derive(Debug, Clone)]

@@ -20,7 +20,8 @@ pub use self::signature::sign;
 use self::webhook::Webhook;
 pub use self::webhook::WebhookReport;
 use crate::config::Config;
-use crate::pipeline::{Hub, Update};
+use crate::watch::Hub;
+use doorcam_engine::Update;
 
 /// Why nothing can be published.
 #[derive(Debug, thiserror::Error)]

@@ -14,8 +14,8 @@ use super::facts::{Facts, zone_levels};
 use super::home_assistant::{Announcement, announcements};
 use super::{PublishError, lock, secret};
 use crate::config::{Config, MqttConfig};
-use crate::pipeline::Hub;
-use crate::source::camera::Backoff;
+use crate::watch::Hub;
+use doorcam_source::camera::Backoff;
 
 /// Delays before the broker is tried again: first, and at last.
 const RETRY: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(30)];

@@ -13,8 +13,8 @@ use utoipa::ToSchema;
 use super::signature::sign;
 use super::{PublishError, lock, secret};
 use crate::config::{HookUrl, WebhookConfig};
-use crate::source::camera::Backoff;
-use crate::tracking::{Event, EventKind};
+use doorcam_core::tracking::{Event, EventKind};
+use doorcam_source::camera::Backoff;
 
 /// Events that wait for a receiver; more are given up.
 const WAITING: usize = 1000;

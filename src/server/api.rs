@@ -15,13 +15,14 @@ use super::openapi::{Conflicting, Failed, NotReady, NotYet, PICTURES, Picture, R
 use super::problem::Problem;
 use super::tag::{self, Tag};
 use crate::config::Config;
-use crate::geometry::{Doorway, Point, Room};
 use crate::history::HistoryReport;
-use crate::pipeline::{Command, Published, Status, Update, Watched};
 use crate::publish::PublishReport;
-use crate::render::RenderError;
-use crate::schema;
-use crate::tracking::Zone;
+use crate::watch::{Command, Status};
+use doorcam_core::geometry::{Doorway, Point, Room};
+use doorcam_core::schema;
+use doorcam_core::tracking::Zone;
+use doorcam_engine::figures::RenderError;
+use doorcam_engine::{Published, Update, Watched};
 
 /// The doorway, the room and what the map is made of, in the door frame.
 #[derive(Serialize, ToSchema)]

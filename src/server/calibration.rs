@@ -11,8 +11,8 @@ use super::Shared;
 use super::openapi::{Conflicting, Failed, Malformed, SETUP, TooLarge, UNCHANGED, Unfit, Unknown};
 use super::problem::Problem;
 use super::tag;
-use crate::measurement::{Calibration, Check};
-use crate::pipeline::{CalibrationRefused, CalibrationReport, Calibrator};
+use crate::watch::{CalibrationRefused, CalibrationReport, Calibrator};
+use doorcam_core::calibration::{Calibration, Check};
 
 /// The calibration in use, what it is worth, and whether it can be changed.
 #[utoipa::path(

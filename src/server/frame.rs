@@ -9,9 +9,10 @@ use super::Shared;
 use super::openapi::{Failed, NotYet, PICTURES, Picture, UNCHANGED};
 use super::problem::Problem;
 use super::tag::Tag;
-use crate::pipeline::Seen;
-use crate::source::RawImages;
-use crate::source::image::{Image, ImageError};
+use crate::watch::Seen;
+use doorcam_source::RawImages;
+use doorcam_source::image::ImageError;
+use doorcam_source::image::{decode_sensor, encode_jpeg};
 
 /// Quality of JPEGs made of raw pixels: for people to look at and to mark points in.
 const QUALITY: u8 = 90;
@@ -88,7 +89,7 @@ fn encoded(cache: &Encoded, seen: &Seen) -> Result<Bytes, ImageError> {
         return Ok(bytes.clone());
     }
     let RawImages::Sensor(format, bytes) = &seen.images else { return Ok(Bytes::new()) };
-    let bytes = Bytes::from(Image::from_sensor(format, bytes)?.to_jpeg(QUALITY)?);
+    let bytes = Bytes::from(encode_jpeg(&decode_sensor(format, bytes)?, QUALITY)?);
     *cache = Some((seen.number, bytes.clone()));
     Ok(bytes)
 }

@@ -13,7 +13,7 @@ use super::Shared;
 use super::openapi::{Malformed, NotReady, PEOPLE};
 use super::problem::Problem;
 use crate::history::{EventPage, EventQuery, History, IntervalPage, IntervalQuery, SpanPage, SpanQuery, StoreError};
-use crate::tracking::EventKind;
+use doorcam_core::tracking::EventKind;
 
 /// Rows that one request gets unless it says otherwise, and at most.
 const ROWS: usize = 100;

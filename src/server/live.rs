@@ -15,7 +15,7 @@ use utoipa::ToSchema;
 use super::openapi::{NoSocket, ROOM};
 use super::problem::Problem;
 use super::{FAREWELL, Shared};
-use crate::pipeline::Update;
+use doorcam_engine::Update;
 
 /// A client that takes no bytes for this long is gone.
 const SEND_LIMIT: Duration = Duration::from_secs(10);

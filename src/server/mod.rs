@@ -47,8 +47,8 @@ use self::pictures::Pictures;
 use self::problem::Problem;
 use crate::config::{Config, ServerConfig};
 use crate::history::History;
-use crate::pipeline::{Calibrator, Control, Hub, Recordings, ZoneKeeper};
 use crate::publish::Publishers;
+use crate::watch::{Calibrator, Control, Hub, Recordings, ZoneKeeper};
 
 /// Why the server is not there.
 #[derive(Debug, thiserror::Error)]

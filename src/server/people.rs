@@ -9,10 +9,10 @@ use utoipa::ToSchema;
 use super::Shared;
 use super::openapi::{PEOPLE, Unknown};
 use super::problem::Problem;
-use crate::geometry::Point;
-use crate::pipeline::{self, Hub, TrackHistory, ZoneOrigin};
-use crate::schema;
-use crate::tracking::{Track, Zone};
+use crate::watch::{Hub, TrackHistory, ZoneOrigin};
+use doorcam_core::geometry::Point;
+use doorcam_core::schema;
+use doorcam_core::tracking::{Track, Zone};
 
 /// Who is where.
 #[derive(Serialize, ToSchema)]
@@ -24,7 +24,7 @@ struct Tracks {
     #[schema(required)]
     time: Option<Timestamp>,
     /// Whether the map can be trusted.
-    state: pipeline::State,
+    state: doorcam_engine::State,
     /// Everybody who is followed.
     tracks: Vec<Placed>,
 }
@@ -49,7 +49,7 @@ pub(super) struct Zones {
     #[schema(required)]
     time: Option<Timestamp>,
     /// Whether the map can be trusted.
-    state: pipeline::State,
+    state: doorcam_engine::State,
     /// Where they come from.
     origin: ZoneOrigin,
     /// Each zone.
@@ -143,12 +143,13 @@ mod tests {
 
     use super::*;
     use crate::config::Config;
-    use crate::pipeline::{Published, SourceInfo, Timing, Update};
-    use crate::tracking::{Occupancy, TrackState};
+    use crate::feed::{SourceInfo, SourceKind};
+    use doorcam_core::tracking::{Occupancy, TrackState};
+    use doorcam_engine::{Published, Timing, Update};
 
     fn hub() -> Hub {
         let zones = "[[zones]]\nname = \"bed\"\npolygon_m = [[-1, 1], [1, 1], [1, 2]]\n";
-        let source = SourceInfo { spec: "replay:x".into(), kind: "replay", notes: String::new(), fps: 10.0 };
+        let source = SourceInfo { spec: "replay:x".into(), kind: SourceKind::Replay, notes: String::new(), fps: 10.0 };
         Hub::new(None, None, source).configured(&Config::parse(zones).unwrap())
     }
 
@@ -172,7 +173,7 @@ mod tests {
     fn tracks_tell_their_zones_and_zones_their_people() {
         let hub = hub();
         let mut update = Update::blank("signed", 7, Timestamp::UNIX_EPOCH, None, Timing::default());
-        update.state = pipeline::State::Watching;
+        update.state = doorcam_engine::State::Watching;
         let track = Track {
             id: 3,
             state: TrackState::Confirmed,

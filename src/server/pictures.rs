@@ -2,8 +2,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::body::Bytes;
 
-use crate::pipeline::{Model, Published};
-use crate::render;
+use doorcam_engine::figures::{self, ReconstructionPicture};
+use doorcam_engine::{Model, Published};
 
 /// Pictures of the newest update, drawn when first asked for.
 #[derive(Default)]
@@ -28,34 +28,35 @@ impl Pictures {
         &self,
         model: &Model,
         of: &Arc<Published>,
-    ) -> Option<Result<Bytes, render::RenderError>> {
+    ) -> Option<Result<Bytes, figures::RenderError>> {
         let scene = of.scene.as_ref()?;
         Some(drawn(&self.reconstruction, of, || {
             let (update, shown) = (&of.update, model.brightness.words());
             let caption = format!("{}, λ = {:.4}, {shown}", update.time, update.solution.lambda);
-            let svg = render::reconstruction_svg(&model.picture(scene, of.difference.as_ref(), &caption));
-            render::png(&svg, WIDTH)
+            let svg =
+                figures::reconstruction_svg(&ReconstructionPicture::of(model, scene, of.difference.as_ref(), &caption));
+            figures::png(&svg, WIDTH)
         }))
     }
 
     /// The magnified difference patches of an update; none while there is no background.
-    pub(super) fn difference(&self, of: &Arc<Published>) -> Option<Result<Bytes, render::RenderError>> {
+    pub(super) fn difference(&self, of: &Arc<Published>) -> Option<Result<Bytes, figures::RenderError>> {
         let difference = of.difference.as_ref()?;
-        Some(drawn(&self.difference, of, || render::difference_png(difference, PATCH_PIXEL)))
+        Some(drawn(&self.difference, of, || figures::difference_png(difference, PATCH_PIXEL)))
     }
 
     /// The patches of an update as the camera sees them.
-    pub(super) fn patches(&self, of: &Arc<Published>) -> Option<Result<Bytes, render::RenderError>> {
+    pub(super) fn patches(&self, of: &Arc<Published>) -> Option<Result<Bytes, figures::RenderError>> {
         let patches = of.patches.as_ref()?;
-        Some(drawn(&self.patches, of, || render::patches_png(patches, PATCH_PIXEL)))
+        Some(drawn(&self.patches, of, || figures::patches_png(patches, PATCH_PIXEL)))
     }
 }
 
 fn drawn(
     cache: &Drawn,
     of: &Published,
-    draw: impl FnOnce() -> Result<Vec<u8>, render::RenderError>,
-) -> Result<Bytes, render::RenderError> {
+    draw: impl FnOnce() -> Result<Vec<u8>, figures::RenderError>,
+) -> Result<Bytes, figures::RenderError> {
     let mut cache = cache.lock().unwrap_or_else(PoisonError::into_inner);
     match &*cache {
         Some((sequence, bytes)) if *sequence == of.update.sequence => Ok(bytes.clone()),

@@ -10,7 +10,7 @@ use axum::response::{IntoResponse, Response};
 use super::Shared;
 use super::openapi::{Conflicting, Failed, Malformed, SETUP, TooLarge, Unfit, Unknown};
 use super::problem::Problem;
-use crate::pipeline::{RecordingRefused, RecordingReport, RecordingWish};
+use crate::watch::{RecordingRefused, RecordingReport, RecordingWish};
 
 /// Whether something can be recorded, and how the recording under way is doing.
 #[utoipa::path(
@@ -77,7 +77,7 @@ async fn changed(
 }
 
 fn problem(refused: &RecordingRefused) -> Problem {
-    use crate::source::recorder::RecordError;
+    use doorcam_source::recorder::RecordError;
 
     let kind = match refused {
         RecordingRefused::Name(_) | RecordingRefused::Seconds(..) => Problem::unprocessable,

@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 
 use super::Shared;
 use super::openapi::ROOM;
-use crate::measurement;
+use doorcam_core::light;
 
 /// How far the newest update's change stands out of the camera's noise.
 #[derive(Serialize, ToSchema)]
@@ -40,12 +40,12 @@ pub(super) async fn signal(State(shared): State<Shared>) -> Json<Signal> {
     let latest = shared.hub.latest();
     let known = latest.as_ref().and_then(|latest| Some((latest.difference.as_ref()?, latest.sensing.as_ref()?)));
     let [left, right] = match known {
-        Some((difference, sensing)) => measurement::Signal::of(difference, sensing).map(|signal| signal.map(side)),
+        Some((difference, sensing)) => light::Signal::of(difference, sensing).map(|signal| signal.map(side)),
         None => [None, None],
     };
     Json(Signal { sequence: latest.map(|latest| latest.update.sequence), left, right })
 }
 
-fn side(measurement::Signal { snr, change, noise }: measurement::Signal) -> Side {
+fn side(light::Signal { snr, change, noise }: light::Signal) -> Side {
     Side { snr_db: (snr > 0.0).then(|| 10.0 * snr.log10()), change, noise }
 }

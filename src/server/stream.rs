@@ -19,8 +19,8 @@ use super::frame::picture;
 use super::live::until;
 use super::openapi::{Malformed, NotYet, PICTURES, Picture};
 use super::problem::Problem;
-use crate::pipeline::Seen;
-use crate::source::RawImages;
+use crate::watch::Seen;
+use doorcam_source::RawImages;
 
 /// How often somebody wants a picture.
 #[derive(Deserialize, IntoParams)]

@@ -11,9 +11,9 @@ use super::Shared;
 use super::openapi::{Failed, NotYet, PEOPLE, UNCHANGED};
 use super::problem::Problem;
 use super::tag::Tag;
-use crate::analysis::bound::{PersonSetup, RoomBound, UncertaintyMap};
-use crate::measurement::Sensing;
-use crate::pipeline::Model;
+use doorcam_core::bound::{PersonSetup, RoomBound, UncertaintyMap};
+use doorcam_core::light::Sensing;
+use doorcam_engine::Model;
 
 /// Above this error, in metres, somebody counts as not observable: people would be mistaken for one another.
 const THRESHOLD_M: f64 = 0.5;

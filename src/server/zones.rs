@@ -11,8 +11,8 @@ use super::openapi::{Failed, Malformed, PEOPLE, TooLarge, Unfit};
 use super::people::Zones;
 use super::problem::Problem;
 use super::{Shared, people};
-use crate::pipeline::{ZoneKeeper, ZonesRefused};
-use crate::tracking::Zone;
+use crate::watch::{ZoneKeeper, ZonesRefused};
+use doorcam_core::tracking::Zone;
 
 /// Zones that somebody draws.
 #[derive(Deserialize, ToSchema)]

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use doorcam::source::recording::{Files, Recording};
+use doorcam_source::recording::{Files, Recording};
 
 use crate::common::{doorcam, run, stderr};
 use crate::guest::{SMALL, Webcam, calibration, configured, hand_out, measured, only_inside, unless_frozen, vivid_is};
@@ -103,9 +103,9 @@ fn guest_record_until_the_disk_is_full() {
     let files = std::fs::read_dir(out.join("frames")).unwrap().count();
     assert_eq!(files, there.len(), "nothing half written is left");
     for entry in there {
-        let frame = doorcam::source::load(&recording, entry).unwrap();
-        let doorcam::source::RawImages::Camera(bytes) = frame.images else { panic!() };
-        doorcam::source::image::Image::decode(&bytes).unwrap();
+        let frame = doorcam_source::load(&recording, entry).unwrap();
+        let doorcam_source::RawImages::Camera(bytes) = frame.images else { panic!() };
+        doorcam_source::image::decode(&bytes).unwrap();
     }
     assert!(Command::new("umount").arg(&disk).status().unwrap().success());
 }

@@ -1,8 +1,10 @@
 //! Figure 5 of the paper, for any setup, and the curves of a sweep.
 
 use anyhow::Context;
-use doorcam::analysis::bound::{Choice, Strategy, place_of, sample_measurement};
-use doorcam::render::{BoundPanel, BoundPicture, Curve, CurvesPanel, CurvesPicture, Region, bound_svg, curves_svg};
+use doorcam_core::bound::{Choice, Strategy, place_of, sample_measurement};
+use doorcam_engine::figures::{
+    BoundPanel, BoundPicture, Curve, CurvesPanel, CurvesPicture, Region, bound_svg, curves_svg,
+};
 
 use super::options::Target;
 use super::{Arguments, Row};

@@ -6,9 +6,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use doorcam::analysis::bound::{Bound, Choice, plotted_angles};
-use doorcam::geometry::{Biangular, Point};
-use doorcam::render::png;
+use doorcam_core::bound::{Bound, Choice, plotted_angles};
+use doorcam_core::geometry::{Biangular, Point};
+use doorcam_engine::figures::png;
 use rayon::prelude::*;
 
 use options::{Angles, Sweep, Target, TargetOptions};
@@ -113,8 +113,7 @@ fn places(arguments: &Arguments, target: &Target) -> anyhow::Result<Vec<Point>> 
         (at, _) => at.iter().map(|angles| angles.0).collect(),
     };
     let place = |angles: &Biangular| {
-        doorcam::analysis::bound::place_of(doorway, *angles)
-            .context("--at: the two rays do not meet in the hidden room")
+        doorcam_core::bound::place_of(doorway, *angles).context("--at: the two rays do not meet in the hidden room")
     };
     angles.iter().map(place).collect()
 }

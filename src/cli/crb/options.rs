@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use doorcam::analysis::bound::{Bound, Choice, PersonSetup, Setup, SetupError};
-use doorcam::geometry::{Biangular, Doorway, Point};
+use doorcam_core::bound::{Bound, Choice, PersonSetup, Setup, SetupError};
+use doorcam_core::geometry::{Biangular, Doorway, Point};
 
 /// What is located, and with what.
 #[derive(Debug, clap::Args)]

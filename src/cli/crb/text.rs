@@ -1,6 +1,6 @@
 //! Tables and CSV.
 
-use doorcam::analysis::bound::{Bound, Choice, Strategy};
+use doorcam_core::bound::{Bound, Choice, Strategy};
 
 use super::Row;
 

@@ -7,16 +7,18 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::CommandFactory;
-use doorcam::analysis::evaluation::{Observed, Report, Scorer, read_updates};
 use doorcam::config::Config;
-use doorcam::pipeline::{Model, Published, StepError};
-use doorcam::source::Purpose;
-use doorcam::source::recording::{Entry, Recording};
-use doorcam::source::truth::Truth;
+use doorcam_engine::Assembly;
+use doorcam_engine::evaluation::{Observed, Report, Scorer, read_updates};
+use doorcam_engine::{Model, Published, StepError};
+use doorcam_source::Purpose;
+use doorcam_source::recording::{Entry, Recording};
+use doorcam_source::truth::Truth;
 
 use self::yardstick::{Yardstick, bound_m};
 use super::reconstruct::recording_time;
-use super::{ModelOptions, engine_of, open_recording, progress};
+use super::{ModelOptions, manifest_of, progress};
+use doorcam::feed::open_recording;
 
 /// Score tracks against the truth of recordings: a table, JSON, pictures of the paths
 ///
@@ -157,13 +159,15 @@ fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Resu
 
 /// Takes the frames of a recording as if they were live; `each` is told of every update after the background.
 fn reconstruct(config: &Config, recording: &Recording, mut each: impl FnMut(&Model, &Published)) -> anyhow::Result<()> {
-    let (mut engine, model) = engine_of(config, recording, true)?;
+    let named = || manifest_of(&recording.path);
+    let mut engine = Assembly::new(config.settings()).for_recording(&recording.manifest).with_context(named)?;
+    let model = engine.watched().model;
     let entries: Vec<&Entry> =
         recording.frames.iter().filter(|e| recording.purpose(e.index) != Purpose::Before).collect();
     let progress = progress(entries.len() as u64);
     let mut skipped = 0;
     for entry in entries {
-        let stepped = doorcam::source::load(recording, entry)
+        let stepped = doorcam_source::load(recording, entry)
             .map_err(StepError::Skipped)
             .and_then(|frame| engine.step(&frame, recording_time(entry.seconds)));
         match stepped {

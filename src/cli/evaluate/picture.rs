@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use doorcam::analysis::evaluation::{Evaluation, Report};
 use doorcam::config::Config;
-use doorcam::render::{EvaluationPicture, evaluation_svg, png};
-use doorcam::source::recording::Recording;
+use doorcam_engine::evaluation::{Evaluation, Report};
+use doorcam_engine::figures::{EvaluationPicture, evaluation_svg, png};
+use doorcam_source::recording::Recording;
 
 /// Width of the PNG, in pixels.
 const WIDTH: u32 = 2000;

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use doorcam::analysis::Quantiles;
-use doorcam::analysis::evaluation::Report;
+use doorcam_engine::Quantiles;
+use doorcam_engine::evaluation::Report;
 
 /// Two lines of a column's title.
 const TITLES: [[&str; 2]; 15] = [
@@ -71,7 +71,7 @@ fn row(report: &Report) -> [String; TITLES.len()] {
 
 #[cfg(test)]
 mod tests {
-    use doorcam::analysis::evaluation::ReportTiming;
+    use doorcam_engine::evaluation::ReportTiming;
 
     use super::*;
 

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use doorcam::analysis::bound::RoomBound;
-use doorcam::analysis::evaluation::Estimate;
-use doorcam::geometry::Point;
-use doorcam::measurement::Sensing;
-use doorcam::pipeline::{Model, Published};
+use doorcam_core::bound::RoomBound;
+use doorcam_core::geometry::Point;
+use doorcam_core::light::Sensing;
+use doorcam_engine::evaluation::Estimate;
+use doorcam_engine::{Model, Published};
 
 /// The bound for the background in use; made when that changes.
 #[derive(Default)]

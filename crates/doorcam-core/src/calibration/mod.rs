@@ -1,0 +1,23 @@
+//! Where the floor is: the camera, from points on the floor whose place is known.
+
+mod accuracy;
+mod camera;
+mod check;
+mod fit;
+mod footprint;
+mod homography;
+mod lens;
+mod overlay;
+#[cfg(test)]
+pub(crate) mod pinhole;
+mod values;
+
+pub use accuracy::Accuracy;
+pub use camera::Camera;
+pub use check::{Check, PointErrors, PointResidual, Seen};
+pub use fit::{ASSUMED_NOISE_PX, FloorFit};
+pub(crate) use footprint::{Footprint, footprints};
+pub use homography::{Homography, HomographyError};
+pub use lens::{LensError, LensMap};
+pub use overlay::{Outlines, Overlay};
+pub use values::{Calibration, CalibrationError};

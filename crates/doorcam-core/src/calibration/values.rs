@@ -1,0 +1,145 @@
+//! What fixes a camera over a doorway.
+
+use serde::de::{Error, Unexpected};
+use serde::{Deserialize, Deserializer, Serialize};
+
+use crate::calibration::{Camera, FloorFit, HomographyError, LensError, LensMap};
+use crate::geometry::{Doorway, GeometryError};
+use crate::optics::{FloorPoint, Lens, Transfer, TransferError};
+
+/// A camera over a doorway, with the keys of a recording's manifest. Keys that it does not know are ignored.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Calibration {
+    /// Width and height of the camera's images, in pixels.
+    #[serde(deserialize_with = "whole")]
+    #[cfg_attr(feature = "schema", schema(value_type = crate::schema::Size))]
+    pub size: [usize; 2],
+    /// The doorway.
+    pub doorway: Doorway,
+    /// Image positions of known floor positions, at least four.
+    #[serde(default)]
+    pub floor_points: Vec<FloorPoint>,
+    /// The lens's distortion; none if straight lines look straight.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens: Option<Lens>,
+    /// The camera's transfer function; none for sRGB, which webcams imitate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transfer: Option<Transfer>,
+}
+
+/// A calibration that cannot be used: one line that names the key and says what was expected.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum CalibrationError {
+    /// No size that an image can have.
+    #[error("size is [{}, {}], expected [width, height] in pixels, each from 1 to {LARGEST_SIDE}", .0[0], .0[1])]
+    Size([usize; 2]),
+    /// No measures that a doorway can have.
+    #[error(transparent)]
+    Doorway(#[from] GeometryError),
+    /// A transfer function that no camera has.
+    #[error(transparent)]
+    Transfer(#[from] TransferError),
+    /// A distortion that cannot be undone.
+    #[error(transparent)]
+    Lens(#[from] LensError),
+    /// The floor points do not fix the floor.
+    #[error(transparent)]
+    FloorPoints(#[from] HomographyError),
+}
+
+/// Images with longer sides than this do not come from a camera.
+const LARGEST_SIDE: usize = 65_535;
+
+/// Reads two whole numbers; 640.0 is one, too, as JSON has it.
+fn whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[usize; 2], D::Error> {
+    let numbers = <[f64; 2]>::deserialize(deserializer)?;
+    // What is too large for anything is for others to refuse: they know what it is.
+    let is_whole = |number: f64| number >= 0.0 && number.fract() == 0.0;
+    match numbers.into_iter().find(|&number| !is_whole(number)) {
+        Some(number) => Err(D::Error::invalid_value(Unexpected::Float(number), &"a whole number")),
+        None => Ok(numbers.map(|number| number as usize)),
+    }
+}
+
+impl Calibration {
+    /// The camera's transfer function.
+    pub fn transfer(&self) -> &Transfer {
+        self.transfer.as_ref().unwrap_or(&Transfer::Srgb)
+    }
+
+    /// The camera, from the floor points.
+    pub fn camera(&self) -> Result<Camera, CalibrationError> {
+        self.doorway.validate()?;
+        self.transfer().validate()?;
+        let lens = self.lens_map()?;
+        let fit = FloorFit::new(&self.floor_points, lens.as_ref());
+        let fit = fit.map_err(|e| FloorFit::culprit(&self.floor_points, lens.as_ref()).unwrap_or(e))?;
+        fit.contradiction(self.size[0]).map_or_else(|| Ok(fit.camera().clone()), |e| Err(e.into()))
+    }
+
+    /// The lens, if it distorts.
+    pub(super) fn lens_map(&self) -> Result<Option<LensMap>, CalibrationError> {
+        if self.size.iter().any(|n| !(1..=LARGEST_SIDE).contains(n)) {
+            return Err(CalibrationError::Size(self.size));
+        }
+        Ok(self.lens.map(|lens| LensMap::new(&lens, self.size)).transpose()?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = r#"{"size": [600, 200], "doorway": {"width_m": 0.6, "wall_thickness_m": 0.1, "height_m": null},
+        "floor_points": [{"pixel": [50, 20], "floor_m": [-0.5, -0.1]}, {"pixel": [550, 20], "floor_m": [0.5, -0.1]},
+            {"pixel": [550, 170], "floor_m": [0.5, -0.4]}, {"pixel": [50, 170], "floor_m": [-0.5, -0.4]}], "shutter": 1}"#;
+
+    fn calibration() -> Calibration {
+        serde_json::from_str(TEXT).unwrap()
+    }
+
+    #[test]
+    fn floor_points_make_a_camera() {
+        let camera = calibration().camera().unwrap();
+        let seen = camera.project([0.0, -0.2]).unwrap();
+        assert!((seen[0] - 300.0).abs() < 1e-6 && (seen[1] - 70.0).abs() < 1e-6, "{seen:?}");
+        let floor = camera.floor(seen).unwrap();
+        assert!(floor[0].abs() < 1e-9 && (floor[1] + 0.2).abs() < 1e-9, "{floor:?}");
+    }
+
+    #[test]
+    fn a_distorting_lens_is_undone() {
+        let mut bent = calibration();
+        bent.lens = Some(Lens { k1: -0.2, k2: 0.05, focal_px: Some(600.0) });
+        let lens = LensMap::new(&bent.lens.unwrap(), bent.size).unwrap();
+        // The same camera with this lens sees the points where the lens puts them.
+        bent.floor_points.iter_mut().for_each(|p| p.pixel = lens.distort(p.pixel).unwrap());
+        let (straight, bent) = (calibration().camera().unwrap(), bent.camera().unwrap());
+        for floor in [[0.3, -0.2], [-0.45, -0.11], [0.0, -0.39]] {
+            let (expected, got) =
+                (lens.distort(straight.project(floor).unwrap()).unwrap(), bent.project(floor).unwrap());
+            assert!((expected[0] - got[0]).hypot(expected[1] - got[1]) < 1e-6);
+            let back = bent.floor(got).unwrap();
+            assert!((back[0] - floor[0]).hypot(back[1] - floor[1]) < 1e-9);
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_by_key() {
+        let error = |change: fn(&mut Calibration)| {
+            let mut calibration = calibration();
+            change(&mut calibration);
+            calibration.camera().expect_err("refused").to_string()
+        };
+        assert_eq!(
+            error(|c| c.size = [0, 3]),
+            "size is [0, 3], expected [width, height] in pixels, each from 1 to 65535"
+        );
+        assert!(error(|c| c.doorway.width_m = -1.0).starts_with("doorway.width_m is -1"));
+        assert!(error(|c| c.transfer = Some(Transfer::Gamma(0.0))).starts_with("transfer.gamma is 0"));
+        assert!(error(|c| c.lens = Some(Lens { k1: -9.0, k2: 0.0, focal_px: None })).starts_with("lens.k1 = -9"));
+        assert!(error(|c| c.floor_points.truncate(3)).starts_with("floor_points"));
+        assert!(error(|c| c.floor_points.iter_mut().for_each(|p| p.floor_m[0] *= -1.0)).contains("mirrored"));
+    }
+}

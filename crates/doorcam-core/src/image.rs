@@ -1,0 +1,69 @@
+//! Decoded images.
+
+/// Sample values as the file has them, red, green, blue interleaved, row by row from the top left.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Samples {
+    /// 8 bits a sample.
+    Eight(Vec<u8>),
+    /// 16 bits a sample.
+    Sixteen(Vec<u16>),
+}
+
+/// A decoded image; grey images have three equal channels, transparency is dropped.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Image {
+    /// Pixels across.
+    pub width: usize,
+    /// Pixels down.
+    pub height: usize,
+    /// `3 * width * height` samples.
+    pub samples: Samples,
+}
+
+impl Image {
+    /// An image without pixels, to decode into.
+    pub fn empty() -> Self {
+        Self { width: 0, height: 0, samples: Samples::Eight(Vec::new()) }
+    }
+
+    /// Makes this an image of 8 bits a sample, in the same buffer if it was one; its samples, to write to.
+    pub fn eight_mut(&mut self, width: usize, height: usize) -> &mut [u8] {
+        (self.width, self.height) = (width, height);
+        if matches!(self.samples, Samples::Sixteen(_)) {
+            self.samples = Samples::Eight(Vec::new());
+        }
+        match &mut self.samples {
+            Samples::Eight(samples) => {
+                samples.resize(3 * width * height, 0);
+                samples
+            }
+            Samples::Sixteen(_) => &mut [],
+        }
+    }
+
+    /// Makes this an image of 16 bits a sample, in the same buffer if it was one; its samples, to write to.
+    pub fn sixteen_mut(&mut self, width: usize, height: usize) -> &mut [u16] {
+        (self.width, self.height) = (width, height);
+        if matches!(self.samples, Samples::Eight(_)) {
+            self.samples = Samples::Sixteen(Vec::new());
+        }
+        match &mut self.samples {
+            Samples::Sixteen(samples) => {
+                samples.resize(3 * width * height, 0);
+                samples
+            }
+            Samples::Eight(_) => &mut [],
+        }
+    }
+}
+
+impl Samples {
+    /// The samples rounded to 8 bits.
+    pub fn to_eight(&self) -> Vec<u8> {
+        match self {
+            Samples::Eight(samples) => samples.clone(),
+            // 65535 = 255 * 257.
+            Samples::Sixteen(samples) => samples.iter().map(|&s| ((u32::from(s) + 128) / 257) as u8).collect(),
+        }
+    }
+}

@@ -1,0 +1,238 @@
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use crate::geometry::Side;
+use crate::light::averaging::blend;
+use crate::light::{Background, PatchPair};
+
+/// Frames of the empty room that are kept for their statistics.
+pub(super) const KEPT: usize = 64;
+
+/// The empty room's picture, followed over time: a mean per pixel, and how frames deviate from it.
+///
+/// Deviations are kept as whole frames, 64 at most, spread evenly over the time that the mean looks back: from them
+/// come each pixel's variance, how far noise is spread over neighbours, and the patterns in which lamps drift apart. They are
+/// deviations from the mean of their own time, each colour's gain taken out, so that neither slow drift nor flicker, which
+/// harm nothing, pass for noise.
+#[derive(Debug, Clone)]
+pub struct RollingBackground {
+    mean: PatchPair,
+    /// Frames of equal weight that would give as good a mean.
+    averaged: f64,
+    deviations: VecDeque<Arc<PatchPair>>,
+    /// Seconds since a deviation was kept.
+    since_kept_s: f64,
+}
+
+/// A rolling background as it was at one moment; cheap to make, so that other threads can work on it.
+#[derive(Debug, Clone)]
+pub struct Snapshot {
+    pub(super) mean: PatchPair,
+    pub(super) averaged: f64,
+    pub(super) deviations: Vec<Arc<PatchPair>>,
+}
+
+impl RollingBackground {
+    /// From what was learned at the start.
+    pub fn from_background(background: &Background) -> Self {
+        let mean = background.mean().clone();
+        let deviation = |frame: &PatchPair| {
+            let mut out = PatchPair::zeros(frame.left.size());
+            deviation(frame, &mean, &mut out);
+            Arc::new(out)
+        };
+        let deviations = background.kept().iter().map(deviation).collect();
+        Self { averaged: background.frames() as f64, deviations, since_kept_s: 0.0, mean }
+    }
+
+    /// From one picture, of which nothing else is known.
+    pub fn from_picture(mean: PatchPair) -> Self {
+        Self { mean, averaged: 1.0, deviations: VecDeque::new(), since_kept_s: 0.0 }
+    }
+
+    /// The mean picture of the empty room.
+    pub fn mean(&self) -> &PatchPair {
+        &self.mean
+    }
+
+    /// Frames of equal weight that would give as good a mean.
+    pub fn averaged(&self) -> f64 {
+        self.averaged
+    }
+
+    /// Follows a frame that shows the empty room, `step_s` seconds after the one before: what is older than `adapt_s` fades.
+    /// Allocates nothing once all deviations are there, unless a snapshot still holds the oldest.
+    pub fn adapt(&mut self, pair: &PatchPair, step_s: f64, adapt_s: f64) {
+        self.since_kept_s += step_s.max(0.0);
+        if self.deviations.len() < KEPT || self.since_kept_s >= adapt_s / KEPT as f64 {
+            self.since_kept_s = 0.0;
+            let oldest = if self.deviations.len() == KEPT { self.deviations.pop_front() } else { None };
+            let mut kept = oldest.unwrap_or_else(|| Arc::new(PatchPair::zeros(pair.left.size())));
+            // A snapshot may still hold it.
+            if Arc::get_mut(&mut kept).is_none() {
+                kept = Arc::new(PatchPair::zeros(pair.left.size()));
+            }
+            // A frame of a loop, seen again, has no noise of its own to tell of.
+            if Arc::get_mut(&mut kept).is_some_and(|kept| deviation(pair, &self.mean, kept)) {
+                self.deviations.push_back(kept);
+            }
+        }
+        self.follow(pair, step_s, adapt_s);
+    }
+
+    /// How many frames there are to tell the noise from.
+    pub fn deviations(&self) -> usize {
+        self.deviations.len()
+    }
+
+    /// Follows a frame with the mean alone: what is known of the noise stays.
+    pub fn follow(&mut self, pair: &PatchPair, step_s: f64, adapt_s: f64) {
+        let fading = 1.0 - (-step_s.max(0.0) / adapt_s).exp();
+        let share = fading.max(1.0 / (self.averaged + 1.0));
+        self.averaged = ((1.0 - share).powi(2) / self.averaged + share * share).recip();
+        blend(&mut self.mean, pair, share as f32);
+    }
+
+    /// Takes another picture of `averaged` frames for the empty room's; noise stays what it was.
+    pub fn replace(&mut self, mean: &PatchPair, averaged: f64) {
+        self.mean.copy_from(mean);
+        self.averaged = averaged.max(1.0);
+    }
+
+    /// What is known now.
+    pub fn snapshot(&self) -> Snapshot {
+        let Self { mean, averaged, deviations, .. } = self;
+        Snapshot { mean: mean.clone(), averaged: *averaged, deviations: deviations.iter().cloned().collect() }
+    }
+}
+
+impl From<Snapshot> for RollingBackground {
+    fn from(Snapshot { mean, averaged, deviations }: Snapshot) -> Self {
+        Self { mean, averaged, deviations: deviations.into(), since_kept_s: 0.0 }
+    }
+}
+
+impl Snapshot {
+    /// The mean picture of the empty room.
+    pub fn mean(&self) -> &PatchPair {
+        &self.mean
+    }
+
+    /// The same as a background that a problem can be built for.
+    pub fn background(&self) -> Background {
+        let frame = |deviation: &Arc<PatchPair>| {
+            let mut frame = self.mean.clone();
+            for side in Side::BOTH {
+                let values = frame.side_mut(side).data_mut().iter_mut();
+                values.zip(deviation.side(side).data()).for_each(|(value, d)| *value += d);
+            }
+            frame
+        };
+        Background::known(self.mean.clone(), self.averaged.round() as u64, self.deviations.iter().map(frame).collect())
+    }
+}
+
+/// Writes x / g − mean into `out`, with the gain g of each patch's colours by least squares; false if that is nothing at all.
+fn deviation(x: &PatchPair, mean: &PatchPair, out: &mut PatchPair) -> bool {
+    let mut any = false;
+    for side in Side::BOTH {
+        for channel in 0..3 {
+            let (x, mean) = (x.side(side).plane(channel), mean.side(side).plane(channel));
+            let (mut both, mut square) = (0.0, 0.0);
+            for (x, mean) in x.iter().zip(mean) {
+                both += f64::from(*x) * f64::from(*mean);
+                square += f64::from(*mean) * f64::from(*mean);
+            }
+            let inverse = if both > 0.0 && square > 0.0 { (square / both) as f32 } else { 1.0 };
+            let values = out.side_mut(side).plane_mut(channel).iter_mut();
+            values.zip(x.iter().zip(mean)).for_each(|(out, (x, mean))| {
+                *out = x * inverse - mean;
+                any |= *out != 0.0;
+            });
+        }
+    }
+    any
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::noise::tests::{all, frames};
+    use crate::light::{NoiseModel, Patch};
+
+    const NOISE: NoiseModel = NoiseModel { read: 1e-6, shot: 0.0 };
+
+    fn rolling(frames: &[PatchPair]) -> RollingBackground {
+        let mut background = Background::new(frames[0].left.size());
+        frames.iter().for_each(|frame| background.learn(frame));
+        RollingBackground::from_background(&background)
+    }
+
+    fn scaled(pair: &PatchPair, factor: f32) -> PatchPair {
+        let mut pair = pair.clone();
+        Side::BOTH.iter().for_each(|&s| pair.side_mut(s).data_mut().iter_mut().for_each(|v| *v *= factor));
+        pair
+    }
+
+    fn rms(a: &Patch, b: &Patch) -> f64 {
+        (a.data().iter().zip(b.data()).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / a.data().len() as f64)
+            .sqrt()
+    }
+
+    #[test]
+    fn a_step_of_light_is_followed_by_time_and_not_by_frames() {
+        let still = frames(16, NoiseModel { read: 0.0, shot: 0.0 }, 0.0);
+        for fps in [1.0, 10.0] {
+            let mut rolling = rolling(&still);
+            // Long known, so that its age alone counts.
+            (0..300 * fps as usize).for_each(|_| rolling.adapt(&still[0], 1.0 / fps, 60.0));
+            let brighter = scaled(&still[0], 1.1);
+            (0..60 * fps as usize).for_each(|_| rolling.adapt(&brighter, 1.0 / fps, 60.0));
+            let gone = f64::from(rolling.mean().left.data()[5] / still[0].left.data()[5]) - 1.0;
+            assert!((gone / 0.1 - (1.0 - (-1.0_f64).exp())).abs() < 0.01, "{fps} fps: {gone}");
+        }
+    }
+
+    #[test]
+    fn the_mean_is_as_good_as_the_number_of_frames_says() {
+        let truth = &frames(1, NoiseModel { read: 0.0, shot: 0.0 }, 0.0)[0];
+        let noisy = frames(400, NOISE, 0.0);
+        let mut rolling = rolling(&noisy[..10]);
+        for (k, frame) in noisy[10..].iter().enumerate() {
+            rolling.adapt(frame, 0.2, 10.0);
+            if [0, 20, 389].contains(&k) {
+                let expected = NOISE.read.sqrt() / rolling.averaged().sqrt();
+                let found = rms(&rolling.mean().left, &truth.left);
+                assert!((found / expected - 1.0).abs() < 0.1, "{k}: {found}, expected {expected}");
+            }
+        }
+        assert!((80.0..120.0).contains(&rolling.averaged()), "{}", rolling.averaged());
+    }
+
+    #[test]
+    fn neither_flicker_nor_slow_drift_passes_for_noise() {
+        let noisy = frames(200, NOISE, 0.0);
+        let mut rolling = rolling(&noisy[..16]);
+        for (k, frame) in noisy[16..].iter().enumerate() {
+            let flicker = [1.0, 1.03, 0.98][k % 3] * (1.0 + 0.0002 * k as f32);
+            rolling.adapt(&scaled(frame, flicker), 0.5, 20.0);
+        }
+        let background = rolling.snapshot().background();
+        assert_eq!(background.kept().len(), KEPT);
+        let found = NoiseModel::from_frames(&background.kept().iter().collect::<Vec<_>>(), &all()).unwrap();
+        let ratio = found.sigma(0.4) / NOISE.sigma(0.4);
+        assert!((ratio - 1.0).abs() < 0.06, "{ratio}");
+    }
+
+    #[test]
+    fn a_replaced_picture_keeps_the_noise() {
+        let noisy = frames(32, NOISE, 0.0);
+        let mut rolling = rolling(&noisy);
+        let chair = scaled(&noisy[0], 0.9);
+        rolling.replace(&chair, 4.0);
+        let background = rolling.snapshot().background();
+        assert_eq!((background.mean(), background.frames()), (&chair, 4));
+        let found = NoiseModel::from_frames(&background.kept().iter().collect::<Vec<_>>(), &all()).unwrap();
+        assert!((found.sigma(0.4) / NOISE.sigma(0.4) - 1.0).abs() < 0.03);
+    }
+}

@@ -1,0 +1,366 @@
+use jiff::{SignedDuration, Timestamp};
+use serde::{Deserialize, Serialize};
+
+use super::zones::Zone;
+use super::{Track, TrackState};
+use crate::geometry::Point;
+
+/// What happened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum EventKind {
+    /// Somebody is there: told when the track is confirmed, as of its first detection.
+    Enter,
+    /// The track ended: as of its last detection.
+    Exit,
+    /// Somebody has stayed in one place for a while.
+    Dwell,
+    /// Somebody came into a zone.
+    ZoneEnter,
+    /// Somebody left a zone, or was last seen in it.
+    ZoneExit,
+}
+
+impl EventKind {
+    /// Every kind.
+    pub const ALL: [Self; 5] = [Self::Enter, Self::Exit, Self::Dwell, Self::ZoneEnter, Self::ZoneExit];
+
+    /// As it is written everywhere.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Enter => "enter",
+            Self::Exit => "exit",
+            Self::Dwell => "dwell",
+            Self::ZoneEnter => "zone_enter",
+            Self::ZoneExit => "zone_exit",
+        }
+    }
+}
+
+/// Something that a person did.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Event {
+    /// Counts events, in the order in which they became known: from 0, or on from the runs before where these are kept.
+    pub sequence: u64,
+    /// What.
+    pub kind: EventKind,
+    /// When, RFC 3339.
+    pub time: Timestamp,
+    /// Whose track.
+    pub track: u64,
+    /// Where, in metres in the door frame.
+    pub x_m: f64,
+    /// The same, into the room.
+    pub y_m: f64,
+    /// Which zone; none for what has nothing to do with one.
+    #[cfg_attr(feature = "schema", schema(required))]
+    pub zone: Option<String>,
+}
+
+/// Who is in a zone.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Occupancy {
+    /// The zone's name.
+    pub name: String,
+    /// How many people.
+    pub people: usize,
+    /// Their tracks.
+    pub tracks: Vec<u64>,
+}
+
+/// When somebody dwells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dwelling {
+    /// For at least this many seconds,
+    pub seconds: f64,
+    /// within this many metres.
+    pub radius_m: f64,
+}
+
+/// Sees from the tracks of update after update what people do.
+#[derive(Debug, Clone)]
+pub struct Events {
+    dwelling: Dwelling,
+    zones: Vec<Zone>,
+    names: Vec<String>,
+    present: Vec<Present>,
+    /// What is to be told with the next update.
+    pending: Vec<Event>,
+    next: u64,
+}
+
+/// A track as far as it was seen.
+#[derive(Debug, Clone)]
+struct Present {
+    id: u64,
+    entered: bool,
+    first: Moment,
+    last: Moment,
+    /// Where they began to stay.
+    stay: Moment,
+    told: bool,
+    /// For each zone, whether they are in it.
+    inside: Vec<bool>,
+    /// In the newest update.
+    there: bool,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Moment {
+    time: Timestamp,
+    place: Point,
+}
+
+impl Events {
+    /// Nobody was seen yet.
+    pub fn new(dwelling: Dwelling, zones: Vec<Zone>) -> Self {
+        let names = zones.iter().map(|zone| zone.name.clone()).collect();
+        Self { dwelling, zones, names, present: Vec::new(), pending: Vec::new(), next: 0 }
+    }
+
+    /// Counts on from `next`.
+    pub fn counting_from(mut self, next: u64) -> Self {
+        self.next = next;
+        self
+    }
+
+    /// Takes the place of `others`: goes on counting, and whoever they saw leaves with the next update.
+    pub fn continue_from(&mut self, others: Self) {
+        self.next = others.next;
+        self.pending = others.pending;
+        self.present = others.present;
+        // Zones are named in the configuration, which stays; should they be others, nobody is in them.
+        self.present.iter_mut().for_each(|present| present.inside.resize(self.zones.len(), false));
+    }
+
+    /// Counts people in other zones from now on. Whoever is in one that stays, by its name, is still in it if its new border says
+    /// so; whoever is in one that goes, leaves it.
+    pub fn use_zones(&mut self, zones: Vec<Zone>) {
+        let names: Vec<String> = zones.iter().map(|zone| zone.name.clone()).collect();
+        for person in &mut self.present {
+            let inside = |name: &String| self.names.iter().position(|n| n == name).is_some_and(|k| person.inside[k]);
+            let now = names.iter().map(inside).collect();
+            for (name, _) in
+                self.names.iter().zip(&person.inside).filter(|(name, inside)| **inside && !names.contains(name))
+            {
+                let gone = Some(name.clone());
+                push(&mut self.pending, &mut self.next, EventKind::ZoneExit, person.id, person.last, gone);
+            }
+            person.inside = now;
+        }
+        (self.zones, self.names) = (zones, names);
+    }
+
+    /// Takes in the tracks of an update and, for each, the seconds since its last detection; adds what happened to `events`.
+    /// Whoever is no longer among them has left.
+    pub fn observe(&mut self, time: Timestamp, tracks: &[Track], unseen_s: &[f64], events: &mut Vec<Event>) {
+        events.append(&mut self.pending);
+        self.present.iter_mut().for_each(|present| present.there = false);
+        for (track, &unseen_s) in tracks.iter().zip(unseen_s) {
+            self.follow(time, track, unseen_s, events);
+        }
+        for gone in self.present.extract_if(.., |present| !present.there) {
+            if gone.entered {
+                for zone in (0..gone.inside.len()).filter(|&zone| gone.inside[zone]) {
+                    let name = Some(self.names[zone].clone());
+                    push(events, &mut self.next, EventKind::ZoneExit, gone.id, gone.last, name);
+                }
+                push(events, &mut self.next, EventKind::Exit, gone.id, gone.last, None);
+            }
+        }
+    }
+
+    /// Who is in which zone.
+    pub fn occupancy(&self) -> impl Iterator<Item = Occupancy> + '_ {
+        self.names.iter().enumerate().map(|(zone, name)| {
+            let tracks: Vec<u64> = self.present.iter().filter(|p| p.inside[zone]).map(|p| p.id).collect();
+            Occupancy { name: name.clone(), people: tracks.len(), tracks }
+        })
+    }
+
+    fn follow(&mut self, time: Timestamp, track: &Track, unseen_s: f64, events: &mut Vec<Event>) {
+        let now = Moment { time, place: [track.x_m, track.y_m] };
+        let index = self.present.iter().position(|p| p.id == track.id).unwrap_or_else(|| {
+            let first = Moment { time: before(time, track.age_s), ..now };
+            self.present.push(Present {
+                id: track.id,
+                entered: false,
+                first,
+                last: now,
+                stay: first,
+                told: false,
+                inside: vec![false; self.zones.len()],
+                there: true,
+            });
+            self.present.len() - 1
+        });
+        let Self { present, zones, names, next, dwelling, .. } = self;
+        let person = &mut present[index];
+        person.there = true;
+        let seen = unseen_s <= 0.0;
+        person.last = Moment { time: before(time, unseen_s), place: if seen { now.place } else { person.last.place } };
+        let moved = (now.place[0] - person.stay.place[0]).hypot(now.place[1] - person.stay.place[1]);
+        if seen && moved > dwelling.radius_m {
+            (person.stay, person.told) = (now, false);
+        }
+        if track.state == TrackState::Tentative {
+            return;
+        }
+        if !person.entered {
+            person.entered = true;
+            push(events, next, EventKind::Enter, track.id, person.first, None);
+        }
+        for (zone, inside) in person.inside.iter_mut().enumerate() {
+            let before = *inside;
+            *inside = zones[zone].holds(now.place, before);
+            if *inside != before {
+                let kind = if before { EventKind::ZoneExit } else { EventKind::ZoneEnter };
+                push(events, next, kind, track.id, now, Some(names[zone].clone()));
+            }
+        }
+        let stayed_s = person.last.time.duration_since(person.stay.time).as_secs_f64();
+        if !person.told && stayed_s >= dwelling.seconds {
+            person.told = true;
+            push(events, next, EventKind::Dwell, track.id, now, None);
+        }
+    }
+}
+
+fn push(
+    events: &mut Vec<Event>,
+    next: &mut u64,
+    kind: EventKind,
+    track: u64,
+    Moment { time, place }: Moment,
+    zone: Option<String>,
+) {
+    events.push(Event { sequence: *next, kind, time, track, x_m: place[0], y_m: place[1], zone });
+    *next += 1;
+}
+
+/// The time so many seconds before; the same where that is none.
+fn before(time: Timestamp, seconds: f64) -> Timestamp {
+    SignedDuration::try_from_secs_f64(seconds).ok().and_then(|ago| time.checked_sub(ago).ok()).unwrap_or(time)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn track(id: u64, state: TrackState, [x_m, y_m]: Point, age_s: f64) -> Track {
+        let covariance_m2 = [[0.01, 0.0], [0.0, 0.01]];
+        Track { id, state, x_m, y_m, vx_m_s: 0.0, vy_m_s: 0.0, covariance_m2, rgb: [0.0; 3], age_s }
+    }
+
+    fn at(seconds: f64) -> Timestamp {
+        before(Timestamp::UNIX_EPOCH, -seconds)
+    }
+
+    fn bed() -> Zone {
+        Zone { name: "bed".into(), polygon_m: vec![[0.5, 1.0], [1.5, 1.0], [1.5, 2.0], [0.5, 2.0]] }
+    }
+
+    fn events() -> Events {
+        Events::new(Dwelling { seconds: 5.0, radius_m: 0.4 }, vec![bed()])
+    }
+
+    #[test]
+    fn other_zones_keep_who_is_in_them_and_let_go_who_was_in_one_that_is_gone() {
+        let desk = || Zone { name: "desk".into(), polygon_m: bed().polygon_m };
+        let mut log = Events::new(Dwelling { seconds: 5.0, radius_m: 0.4 }, vec![bed(), desk()]);
+        let mut happened = Vec::new();
+        let mut observe = |log: &mut Events, t: f64| {
+            log.observe(at(t), &[track(1, TrackState::Confirmed, [1.0, 1.5], t)], &[0.0], &mut happened);
+            happened.drain(..).map(|e| (e.kind, e.zone, e.sequence)).collect::<Vec<_>>()
+        };
+        assert_eq!(observe(&mut log, 0.0).len(), 3, "enter, and both zones");
+        // The desk goes; the bed is now where they are not; a sofa comes.
+        let far = vec![[-1.5, 1.0], [-0.5, 1.0], [-0.5, 2.0]];
+        let sofa = Zone { name: "sofa".into(), polygon_m: desk().polygon_m };
+        log.use_zones(vec![sofa, Zone { name: "bed".into(), polygon_m: far }]);
+        let named = |name: &str| Some(name.to_owned());
+        let expected = vec![
+            (EventKind::ZoneExit, named("desk"), 3),
+            (EventKind::ZoneEnter, named("sofa"), 4),
+            (EventKind::ZoneExit, named("bed"), 5),
+        ];
+        assert_eq!(observe(&mut log, 0.1), expected);
+        let occupied: Vec<_> = log.occupancy().map(|zone| (zone.name, zone.people)).collect();
+        assert_eq!(occupied, [("sofa".into(), 1), ("bed".into(), 0)]);
+        assert_eq!(observe(&mut log, 0.2), [], "told once");
+    }
+
+    /// What one track that is at `place(t)` from `confirmed` on makes happen, in tenths of a second to `until`, unseen in the last one.
+    fn happened(confirmed: f64, until: f64, place: impl Fn(f64) -> Point) -> Vec<(EventKind, f64)> {
+        let (mut log, mut events) = (events(), Vec::new());
+        let mut k = 0;
+        while f64::from(k) * 0.1 <= until {
+            let t = f64::from(k) * 0.1;
+            let unseen_s = (t - (until - 1.0)).max(0.0);
+            let state = match t {
+                t if t < confirmed => TrackState::Tentative,
+                _ if unseen_s > 0.0 => TrackState::Coasting,
+                _ => TrackState::Confirmed,
+            };
+            log.observe(at(t), &[track(1, state, place(t), t)], &[unseen_s], &mut events);
+            k += 1;
+        }
+        log.observe(at(until + 0.1), &[], &[], &mut events);
+        assert!(events.iter().enumerate().all(|(k, e)| e.sequence == k as u64 && e.track == 1));
+        events.iter().map(|e| (e.kind, e.time.duration_since(at(0.0)).as_secs_f64())).collect()
+    }
+
+    #[test]
+    fn a_visit_has_an_entry_and_an_exit_at_the_times_it_was_seen() {
+        let visit = happened(0.45, 3.0, |t| [-1.0 + 0.3 * t, 2.5]);
+        assert_eq!(visit, [(EventKind::Enter, 0.0), (EventKind::Exit, 2.0)]);
+        assert_eq!(happened(9.0, 3.0, |t| [-1.0 + 0.3 * t, 2.5]), [], "a false alarm is nobody");
+    }
+
+    #[test]
+    fn who_stays_dwells_once_a_place() {
+        // Six seconds here, one step, six seconds there.
+        let visit = happened(0.45, 14.0, |t| if t < 6.5 { [-1.0, 2.5] } else { [-0.2, 2.5] });
+        let kinds: Vec<_> = visit.iter().map(|v| v.0).collect();
+        assert_eq!(kinds, [EventKind::Enter, EventKind::Dwell, EventKind::Dwell, EventKind::Exit]);
+        assert!((visit[1].1 - 5.0).abs() < 0.11 && (visit[2].1 - 11.5).abs() < 0.11, "{visit:?}");
+        // Never within 0.4 m for 5 s.
+        let walk = happened(0.45, 14.0, |t| [-1.0 + 0.1 * t, 2.5]);
+        assert_eq!(walk.len(), 2);
+    }
+
+    #[test]
+    fn a_zone_is_entered_and_left_and_who_is_lost_in_it_has_left() {
+        let through = happened(0.45, 6.0, |t| [0.3 * t, 1.5]);
+        let kinds: Vec<_> = through.iter().map(|v| v.0).collect();
+        assert_eq!(kinds, [EventKind::Enter, EventKind::ZoneEnter, EventKind::ZoneExit, EventKind::Exit]);
+        // x = 0.5 is reached after 1.67 s; it is left at 1.65 after 5.5 s, or when last seen.
+        assert!((through[1].1 - 1.7).abs() < 0.01 && (through[2].1 - 5.6).abs() < 0.11, "{through:?}");
+        let lost = happened(0.45, 4.0, |t| [0.3 * t, 1.5]);
+        assert_eq!(lost[2..], [(EventKind::ZoneExit, 3.0), (EventKind::Exit, 3.0)]);
+    }
+
+    #[test]
+    fn occupancy_counts_who_is_confirmed() {
+        let (mut log, mut events) = (events(), Vec::new());
+        let state = [TrackState::Confirmed, TrackState::Coasting, TrackState::Tentative, TrackState::Confirmed];
+        let places = [[1.0, 1.5], [0.6, 1.2], [1.2, 1.2], [0.0, 1.0]];
+        let tracks: Vec<Track> = (0..4).map(|k| track(k as u64, state[k], places[k], 1.0)).collect();
+        log.observe(at(1.0), &tracks, &[0.0; 4], &mut events);
+        let occupancy: Vec<_> = log.occupancy().collect();
+        assert_eq!(occupancy, [Occupancy { name: "bed".into(), people: 2, tracks: vec![0, 1] }]);
+        log.observe(at(1.1), &[], &[], &mut events);
+        assert_eq!(log.occupancy().map(|o| o.people).sum::<usize>(), 0);
+        let mut next = Events::new(Dwelling { seconds: 5.0, radius_m: 0.4 }, Vec::new());
+        log.observe(at(1.2), &tracks[..1], &[0.0], &mut events);
+        let count = events.len();
+        next.continue_from(log);
+        next.observe(at(2.0), &[track(9, TrackState::Confirmed, [0.0, 1.0], 0.5)], &[0.0], &mut events);
+        let after: Vec<_> = events[count..].iter().map(|e| (e.sequence, e.kind, e.track)).collect();
+        let count = count as u64;
+        assert_eq!(after, [(count, EventKind::Enter, 9), (count + 1, EventKind::Exit, 0)]);
+    }
+}

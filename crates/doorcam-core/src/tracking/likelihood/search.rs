@@ -1,0 +1,241 @@
+use nalgebra::Matrix2;
+
+use super::place::Place;
+use super::refine::{Candidate, Left, Prior, Refiner};
+use super::{Likelihood, MOST_PEOPLE, Measured};
+use crate::geometry::{Doorway, Point};
+use crate::light::PatchPair;
+use crate::tracking::{Covariance, Detection, Prediction};
+
+/// Evidence (twice a log likelihood ratio) that it takes to believe in somebody who was not expected.
+const NEW: f64 = 32.0;
+/// Of what each other person explains, the share that somebody new must explain: less may be the other's shadow and light,
+/// which are not in the model.
+const SHARE: f64 = 0.1;
+/// How much brighter or darker than what is behind people are at least, as a share of the floor's level: what is fainter
+/// and still shows is near the door, and noise there.
+const LEAST_CONTRAST: f64 = 0.1;
+/// What each edge by itself must show: somebody whom only one edge shows may be anything along a line.
+const EACH_EDGE: f64 = 12.0;
+/// Of these, the share that it takes to believe that somebody is still there.
+const KEPT: f64 = 0.9;
+/// Seeds that are tried, the strongest first.
+const TRIED: usize = 3;
+/// Azimuths, in radians, that differ by less may be of one person, whose distance is what is least known.
+const ALONG: f64 = 0.5;
+/// What a model of a body is off, in radians at each edge, standard deviation.
+const ANGLE_ERROR: f64 = 0.006;
+/// For how long it stays off in the same way, in seconds.
+const ERROR_LASTS_S: f64 = 0.8;
+
+/// Finds people in one frame after another.
+#[derive(Debug, Clone)]
+pub struct Finder {
+    doorway: Doorway,
+    likelihood: Likelihood,
+    refiner: Refiner,
+    frame: Measured,
+    body_radius_m: f64,
+    people: Vec<Candidate>,
+    trial: Vec<Candidate>,
+    found: Vec<Detection>,
+}
+
+impl Finder {
+    /// People of a radius, in metres, by what a likelihood says.
+    pub fn new(doorway: Doorway, likelihood: Likelihood, body_radius_m: f64) -> Self {
+        Self {
+            doorway,
+            refiner: Refiner::new(&likelihood),
+            frame: likelihood.room(),
+            body_radius_m,
+            people: Vec::with_capacity(MOST_PEOPLE),
+            trial: Vec::with_capacity(MOST_PEOPLE),
+            found: Vec::with_capacity(MOST_PEOPLE),
+            likelihood,
+        }
+    }
+
+    /// Whom a difference shows, `elapsed_s` after the frame before: of those who are expected, whoever is still there, and of
+    /// the seeds (middles of what the map shows, strongest first) those that nobody else explains.
+    pub fn find(
+        &mut self,
+        difference: &PatchPair,
+        expected: impl Iterator<Item = Prediction>,
+        seeds: &[Point],
+        elapsed_s: f64,
+    ) -> &[Detection] {
+        self.likelihood.measure(difference, &mut self.frame);
+        self.people.clear();
+        for prediction in expected.take(MOST_PEOPLE) {
+            self.people.extend(prior(&prediction).map(|prior| Candidate::at(prior.place, Some(prior))));
+        }
+        let mut left = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
+        left = self.prune(left);
+        for &seed in seeds.iter().take(TRIED) {
+            left = self.consider(Place::from_point(seed), left);
+        }
+        let sluggish = (ERROR_LASTS_S / elapsed_s.max(1e-3)).max(1.0);
+        self.found.clear();
+        let Self { found, people, doorway, .. } = self;
+        found.extend(people.iter().filter_map(|person| detection(doorway, person, sluggish)));
+        found.sort_by(|a, b| b.significance.total_cmp(&a.significance));
+        &self.found
+    }
+
+    /// Drops who is not there, one after the other.
+    fn prune(&mut self, mut left: Left) -> Left {
+        loop {
+            let doubtful = |k: &usize| !self.is_credible(*k, 0.0, KEPT);
+            let weakest = (0..self.people.len())
+                .filter(doubtful)
+                .min_by(|&a, &b| self.people[a].evidence.total_cmp(&self.people[b].evidence));
+            let Some(k) = weakest.or_else(|| self.crowded()) else { return left };
+            self.people.remove(k);
+            left = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
+        }
+    }
+
+    /// Whether somebody is there, rather than noise or what another person does: by evidence of at least `least`, and by
+    /// contrast and by what they explain beside the others, each `strict` times what is asked of somebody new.
+    fn is_credible(&self, k: usize, least: f64, strict: f64) -> bool {
+        let person = &self.people[k];
+        let contrast =
+            (0..3).map(|c| (0.5 * (person.radiance[0][c] + person.radiance[1][c])).powi(2)).sum::<f64>() / 3.0;
+        let least_contrast = strict * LEAST_CONTRAST * self.likelihood.level;
+        let explained = |other: &Candidate| person.significance < strict * SHARE * other.significance;
+        let in_wall = {
+            let [x, y] = person.place.point();
+            y < 0.5 * self.body_radius_m && x.abs() > self.doorway.half_width()
+        };
+        !in_wall
+            && person.evidence >= least
+            && person.weaker >= strict * EACH_EDGE
+            && contrast >= least_contrast * least_contrast
+            && !self.people.iter().any(explained)
+    }
+
+    /// The less evident of two who would be in one another.
+    fn crowded(&self) -> Option<usize> {
+        let people = &self.people;
+        let touch = |i: usize, j: usize| distance(people[i].place, people[j].place) < 1.5 * self.body_radius_m;
+        let pairs = (0..people.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
+        let (i, j) = pairs.into_iter().find(|&(i, j)| touch(i, j))?;
+        Some(if people[i].significance < people[j].significance { i } else { j })
+    }
+
+    /// Sees whether somebody at a place explains the measurement better: whoever was found elsewhere, or else one more person.
+    fn consider(&mut self, place: Place, left: Left) -> Left {
+        // Two bodies side by side are as far apart; nearer parts of the map are parts of one.
+        let touching = 2.2 * self.body_radius_m;
+        if self.people.iter().any(near_in(place, touching)) {
+            return left;
+        }
+        let left = self.move_somebody(place, left).unwrap_or(left);
+        if self.people.len() == MOST_PEOPLE || self.people.iter().any(near_in(place, touching)) {
+            return left;
+        }
+        self.keep_aside();
+        self.people.push(Candidate::at(place, None));
+        let with = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
+        if !self.is_credible(self.people.len() - 1, NEW, 1.0) || self.crowded().is_some() {
+            std::mem::swap(&mut self.people, &mut self.trial);
+            return left;
+        }
+        self.prune(with)
+    }
+
+    /// Whether the person nearest in azimuth explains more at a place than where they are now.
+    fn move_somebody(&mut self, place: Place, left: Left) -> Option<Left> {
+        let away = |person: &Candidate| (person.place.azimuth - place.azimuth).abs();
+        let nearest = (self.people.iter().enumerate()).min_by(|a, b| away(a.1).total_cmp(&away(b.1)));
+        let (k, _) = nearest.filter(|(_, person)| away(person) < ALONG)?;
+        self.keep_aside();
+        self.people[k] = Candidate::at(place, self.people[k].prior);
+        let moved = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
+        let noise = (left.misfit.min(moved.misfit) / self.frame.count).max(1.0);
+        if moved.cost(noise) < left.cost(noise) - 1e-6 {
+            return Some(moved);
+        }
+        std::mem::swap(&mut self.people, &mut self.trial);
+        None
+    }
+
+    fn keep_aside(&mut self) {
+        self.trial.clear();
+        self.trial.extend_from_slice(&self.people);
+    }
+}
+
+fn near_in(place: Place, by: f64) -> impl Fn(&Candidate) -> bool {
+    move |person| distance(person.place, place) < by
+}
+
+fn distance(a: Place, b: Place) -> f64 {
+    let (a, b) = (a.point(), b.point());
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+/// A prediction in polar coordinates; none if its covariance has no inverse.
+fn prior(prediction: &Prediction) -> Option<Prior> {
+    let [[xx, xy], [yx, yy]] = prediction.covariance;
+    let place = Place::from_point(prediction.position);
+    let jacobian = place.jacobian();
+    let information = jacobian.transpose() * Matrix2::new(xx, xy, yx, yy).try_inverse()? * jacobian;
+    (jacobian.iter().chain(&information).all(|v| v.is_finite()) && place.log_range > -3.0)
+        .then_some(Prior { place, information })
+}
+
+/// What a frame alone says about a person: with the prior that led there taken out again.
+fn detection(doorway: &Doorway, person: &Candidate, sluggish: f64) -> Option<Detection> {
+    // However little a frame tells, it is not nothing: whoever was found is within some metres.
+    let information = person.information + Matrix2::identity() * 0.1;
+    let covariance = information.try_inverse().filter(|c| c[(0, 0)] > 0.0 && c.determinant() > 0.0)?;
+    let pull = person.prior.map_or_else(Default::default, |p| p.information * person.place.minus(p.place));
+    let jacobian = person.place.jacobian();
+    let offset = jacobian * covariance * pull;
+    let [x, y] = person.place.point();
+    let errors = model_error(doorway, [x, y]) * sluggish;
+    let all = jacobian * covariance * jacobian.transpose() + errors;
+    let covariance: Covariance = [[all[(0, 0)], all[(0, 1)]], [all[(0, 1)], all[(1, 1)]]];
+    let rgb = [0, 1, 2].map(|c| 0.5 * (person.radiance[0][c] + person.radiance[1][c]));
+    let position = [x + offset[0], y + offset[1]];
+    Some(Detection { position, covariance, rgb, significance: person.significance })
+}
+
+/// Covariance of a place whose angles at both edges are off by [`ANGLE_ERROR`], independently.
+fn model_error(doorway: &Doorway, [x, y]: Point) -> Matrix2<f64> {
+    let half = doorway.half_width();
+    // ∂(α1, α2) / ∂(x, y).
+    let (r1, r2) = ((x + half).powi(2) + y * y, (half - x).powi(2) + y * y);
+    let angles = Matrix2::new(-y / r1, (x + half) / r1, y / r2, (half - x) / r2);
+    let places = angles.try_inverse().unwrap_or_else(Matrix2::identity);
+    places * places.transpose() * ANGLE_ERROR.powi(2)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::geometry::Biangular;
+
+    proptest! {
+        #[test]
+        fn a_model_error_is_that_of_angles(x in -1.5..1.5f64, y in 0.5..3.0f64, w in 0.4..1.0f64) {
+            let door = Doorway { width_m: w, wall_thickness_m: 0.0, height_m: None };
+            let Biangular { alpha1, alpha2 } = Biangular::from_point(&door, [x, y]);
+            let moved = |a: f64, b: f64| Biangular { alpha1: alpha1 + a, alpha2: alpha2 + b }.to_point(&door);
+            let h = 1e-6;
+            let columns = [(h, 0.0), (0.0, h)].map(|(a, b)| {
+                let [px, py] = moved(a, b);
+                [(px - x) / h, (py - y) / h]
+            });
+            let error = model_error(&door, [x, y]);
+            for (i, j) in [(0, 0), (0, 1), (1, 1)] {
+                let literal = ANGLE_ERROR.powi(2) * columns.iter().map(|c| c[i] * c[j]).sum::<f64>();
+                prop_assert!((error[(i, j)] - literal).abs() < 1e-3 * error.trace(), "{literal} {error}");
+            }
+        }
+    }
+}

@@ -1,0 +1,172 @@
+use serde::{Deserialize, Serialize};
+
+use super::visibility::{sees, visible_part};
+use crate::geometry::{Doorway, Facet, Point};
+
+/// The law by which a facet lights the floor. Both leave out the factor albedo / π, which scales brightness alone.
+///
+/// With d the vector from a facet's sample at height z to the pixel and n the facet's normal:
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "lowercase")]
+pub enum Kernel {
+    /// (n·d)₊ z / |d|³ dA, summed over 16 x 16 samples: what the authors' program computes (falls off as 1/d).
+    Published,
+    /// (n·d)₊ z / |d|⁴ dA, the radiometric law (falls off as 1/d²), integrated in closed form over the visible part.
+    Radiometric,
+}
+
+/// Samples along each side of a facet in the published matrices.
+const SAMPLES: usize = 16;
+
+impl Kernel {
+    /// Prepares one facet of the given height, in metres, for evaluation at many pixels.
+    pub(super) fn prepare<'a>(self, doorway: &'a Doorway, facet: &'a Facet, height: f64) -> Source<'a> {
+        let sampled = match self {
+            Kernel::Published => Some(Samples::new(facet, height)),
+            Kernel::Radiometric => None,
+        };
+        Source { doorway, facet, normal: facet.normal(), height, sampled }
+    }
+}
+
+/// A facet as a source of light.
+pub(super) struct Source<'a> {
+    doorway: &'a Doorway,
+    facet: &'a Facet,
+    normal: Point,
+    height: f64,
+    sampled: Option<Samples>,
+}
+
+/// Sample positions of the published quadrature.
+struct Samples {
+    points: [Point; SAMPLES],
+    heights: [f64; SAMPLES],
+    area: f64,
+}
+
+impl Samples {
+    fn new(facet: &Facet, height: f64) -> Self {
+        let middle = |k: usize| (k as f64 + 0.5) / SAMPLES as f64;
+        Self {
+            points: std::array::from_fn(|k| {
+                [0, 1].map(|axis| facet.from[axis] + middle(k) * (facet.to[axis] - facet.from[axis]))
+            }),
+            heights: std::array::from_fn(|k| middle(k) * height),
+            area: height * facet.length() / (SAMPLES * SAMPLES) as f64,
+        }
+    }
+}
+
+impl Source<'_> {
+    /// Light at a floor point from the part of the facet that it sees, per unit of radiance.
+    pub(super) fn light_at(&self, pixel: Point) -> f64 {
+        match &self.sampled {
+            Some(samples) => self.published(samples, pixel),
+            None => self.radiometric(pixel),
+        }
+    }
+
+    fn published(&self, samples: &Samples, pixel: Point) -> f64 {
+        let mut sum = 0.0;
+        for &point in &samples.points {
+            let d = [pixel[0] - point[0], pixel[1] - point[1]];
+            let facing = d[0] * self.normal[0] + d[1] * self.normal[1];
+            if facing <= 0.0 || !sees(self.doorway, pixel, point) {
+                continue;
+            }
+            let floor2 = d[0] * d[0] + d[1] * d[1];
+            let terms = samples.heights.map(|z| {
+                let d2 = floor2 + z * z;
+                z / (d2 * d2.sqrt())
+            });
+            sum += facing * terms.iter().sum::<f64>();
+        }
+        sum * samples.area
+    }
+
+    /// With h the distance from the pixel to the facet's plane, t along the facet from the foot of that perpendicular and
+    /// q² = h² + H²: ∫∫ h z / (h² + t² + z²)² dz dt = ½ [atan(t/h) − (h/q) atan(t/q)], for z from 0 to H.
+    fn radiometric(&self, pixel: Point) -> f64 {
+        let from = self.facet.from;
+        let to_pixel = [pixel[0] - from[0], pixel[1] - from[1]];
+        let h = to_pixel[0] * self.normal[0] + to_pixel[1] * self.normal[1];
+        if h <= 0.0 {
+            return 0.0;
+        }
+        let Some((s0, s1)) = visible_part(self.doorway, pixel, self.facet) else {
+            return 0.0;
+        };
+        let length = self.facet.length();
+        // The facet's direction is its normal turned by a quarter: (n_y, n_x) -> (-n_y, n_x).
+        let foot = -to_pixel[0] * self.normal[1] + to_pixel[1] * self.normal[0];
+        let q = h.hypot(self.height);
+        let antiderivative = |s: f64| {
+            let t = s * length - foot;
+            (t / h).atan() - h / q * (t / q).atan()
+        };
+        0.5 * (antiderivative(s1) - antiderivative(s0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Eq. 2 with the radiometric law, summed literally over a fine lattice of samples.
+    fn brute_force(doorway: &Doorway, facet: &Facet, height: f64, pixel: Point, n: usize) -> f64 {
+        let normal = facet.normal();
+        let cell = facet.length() * height / (n * n) as f64;
+        let mut sum = 0.0;
+        for i in 0..n {
+            let s = (i as f64 + 0.5) / n as f64;
+            let point = [0, 1].map(|k| facet.from[k] + s * (facet.to[k] - facet.from[k]));
+            if !sees(doorway, pixel, point) {
+                continue;
+            }
+            for k in 0..n {
+                let z = (k as f64 + 0.5) / n as f64 * height;
+                let d = [pixel[0] - point[0], pixel[1] - point[1]];
+                let facing = (d[0] * normal[0] + d[1] * normal[1]).max(0.0);
+                let d2 = d[0] * d[0] + d[1] * d[1] + z * z;
+                sum += facing * z / (d2 * d2) * cell;
+            }
+        }
+        sum
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn closed_form_equals_the_literal_sum(
+            thickness in 0.0..0.2f64, px in -0.6..0.6f64, depth in 0.01..0.3f64, height in 0.5..2.5f64,
+            x in -1.5..1.5f64, y in 0.4..3.0f64, half in 0.03..0.2f64, turn in -1.2..1.2f64,
+        ) {
+            let door = Doorway { width_m: 0.8, wall_thickness_m: thickness, height_m: None };
+            let along = [half * f64::cos(turn), half * f64::sin(turn)];
+            let facet = Facet { from: [x - along[0], y - along[1]], to: [x + along[0], y + along[1]] };
+            let pixel = [px, -thickness - depth];
+            let exact = Kernel::Radiometric.prepare(&door, &facet, height).light_at(pixel);
+            let literal = brute_force(&door, &facet, height, pixel, 400);
+            let whole = brute_force(&Doorway { width_m: 1e6, ..door }, &facet, height, pixel, 50);
+            // A sample more or less at the border of the visible part is 1/400 of the whole.
+            prop_assert!((exact - literal).abs() <= 0.004 * whole + 1e-12, "{exact} {literal} {whole}");
+        }
+    }
+
+    #[test]
+    fn a_facet_seen_whole_agrees_to_quadrature_accuracy() {
+        let door = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None };
+        let facet = Facet { from: [0.1, 1.0], to: [-0.1, 1.05] };
+        for pixel in [[-0.3, -0.2], [0.0, -0.15], [0.35, -0.4]] {
+            for facet in [facet, Facet { from: facet.to, to: facet.from }] {
+                let exact = Kernel::Radiometric.prepare(&door, &facet, 2.0).light_at(pixel);
+                let literal = brute_force(&door, &facet, 2.0, pixel, 1500);
+                assert!((exact - literal).abs() <= 1e-6 * literal, "{exact} {literal}");
+            }
+        }
+    }
+}

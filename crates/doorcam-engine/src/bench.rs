@@ -1,0 +1,325 @@
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use jiff::Timestamp;
+use serde::Serialize;
+
+use crate::PublishedIteration;
+use crate::{Assembly, Engine, FrameReader, Model, Problem, Settings, SetupError, StepError};
+use doorcam_core::light::{Background, PatchPair};
+use doorcam_core::solver::{
+    Columns, Correlations, Lambda, ModelKind, Nuisance, Pixels, Projection, ProjectionError, Solution, Start,
+};
+use doorcam_source::recording::Manifest;
+use doorcam_source::{Purpose, RawFrame, SkippedFrame};
+
+/// Frames after the empty room that are looked at, at most: they are kept in memory, still encoded.
+pub const BENCH_FRAMES: usize = 200;
+/// Times that a stage is measured, at least: frames are used again, there and back, so that each follows its neighbour.
+const VISITS: usize = 200;
+/// Steps of the published iteration that are run; the time is scaled to all of them.
+const PUBLISHED_STEPS: usize = 500;
+/// Frames that the published iteration is run on.
+const PUBLISHED_FRAMES: usize = 5;
+
+/// How long each stage of a frame takes, in milliseconds; as JSON, what `doorcam bench --json` prints.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BenchReport {
+    /// Aᵀy.
+    pub project_ms: Quantiles,
+    /// Solving eq. 13 from the empty map.
+    pub cold_ms: Quantiles,
+    /// Solving it from the neighbouring frame's map.
+    pub warm_ms: Quantiles,
+    /// From the encoded frame to the serialised update, warm.
+    pub frame_ms: Quantiles,
+    /// The authors' 20,000 accelerated steps in Gram form, scaled from fewer.
+    pub published_iteration_ms: Median,
+    /// Facets of the grid, N.
+    pub facets: usize,
+    /// Pixels that count, both patches together, M.
+    pub pixels: usize,
+    /// Geometry and light transport, once for a doorway.
+    #[serde(skip)]
+    pub model_ms: f64,
+    /// Noise, projection and Gram matrices, once for a background.
+    #[serde(skip)]
+    pub problem_ms: f64,
+    /// Frames that were solved; those with nothing to see are left out, unless there are no others.
+    #[serde(skip)]
+    pub frames: usize,
+    /// Frames that could not be used.
+    #[serde(skip)]
+    pub skipped: Vec<SkippedFrame>,
+}
+
+/// Of many measured times.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Quantiles {
+    /// Half of them are at most this.
+    pub p50: f64,
+    /// 99 of 100 are.
+    pub p99: f64,
+}
+
+/// Of a few measured times.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Median {
+    /// Half of them are at most this.
+    pub p50: f64,
+}
+
+/// Why nothing was measured.
+#[derive(Debug, thiserror::Error)]
+pub enum BenchError {
+    /// The recording and the configuration do not fit.
+    #[error(transparent)]
+    Setup(#[from] SetupError),
+    /// A frame that could be read cannot be solved.
+    #[error(transparent)]
+    Projection(#[from] ProjectionError),
+    /// The frame loop refused a frame that could be read before.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// Every frame after the empty room is broken.
+    #[error("no frame after background_frames could be read")]
+    NoFrames,
+}
+
+/// Measures every stage on a recording's frames: the empty room's first, then those to solve. `progress` is told how much
+/// of how much is done, never while something is measured.
+pub fn bench(
+    settings: &Settings,
+    manifest: &Manifest,
+    frames: &[RawFrame],
+    mut progress: impl FnMut(usize, usize),
+) -> Result<BenchReport, BenchError> {
+    let start = Instant::now();
+    let mut reader = FrameReader::for_recording(settings, manifest)?;
+    let model = Arc::new(Model::new(settings, manifest.doorway, reader.patch(), reader.seen())?);
+    let model_time = start.elapsed();
+    let visits = VISITS.max(frames.len());
+    let all = frames.len() + 3 * visits + PUBLISHED_FRAMES;
+    let mut done = 0;
+    let mut each = || {
+        done += 1;
+        progress(done, all);
+    };
+
+    let measured = project(&model, &mut reader, frames, visits, &mut each)?;
+    let Measured { problem, projected, .. } = &measured;
+    let lit: Vec<&Projected> =
+        projected.iter().filter(|f| f.lambda_max > problem.lambda(&f.correlations, f.lambda_max)).collect();
+    let solved = if lit.is_empty() { projected.iter().collect() } else { lit };
+    let cold = solve(&model, problem, &solved, Start::Empty, visits, &mut each);
+    let warm = solve(&model, problem, &solved, Start::Previous, visits, &mut each);
+    let published = published_iteration(&model, &mut reader, &measured, &solved, &mut each)?;
+    let engine = Assembly::new(settings.clone()).without_people().for_recording(manifest)?;
+    let whole = whole_frames(engine, &measured.empty, &solved, visits, &mut each)?;
+    Ok(BenchReport {
+        frames: solved.len(),
+        project_ms: quantiles(&measured.times),
+        cold_ms: quantiles(&cold),
+        warm_ms: quantiles(&warm),
+        frame_ms: quantiles(&whole),
+        published_iteration_ms: Median { p50: quantiles(&published).p50 },
+        facets: model.grid.len(),
+        pixels: model.counted.iter().flatten().filter(|&&counted| counted).count(),
+        model_ms: milliseconds(model_time),
+        problem_ms: milliseconds(measured.problem_time),
+        skipped: measured.skipped,
+    })
+}
+
+/// The problem of a recording and what its frames say.
+struct Measured<'a> {
+    problem: Problem,
+    problem_time: Duration,
+    background: Background,
+    /// The frames of the empty room that could be read.
+    empty: Vec<&'a RawFrame>,
+    projected: Vec<Projected<'a>>,
+    times: Vec<Duration>,
+    skipped: Vec<SkippedFrame>,
+}
+
+struct Projected<'a> {
+    frame: &'a RawFrame,
+    correlations: Correlations,
+    lambda_max: f64,
+}
+
+/// Learns the empty room, builds the problem and measures Aᵀy on the other frames.
+fn project<'a>(
+    model: &Model,
+    reader: &mut FrameReader,
+    frames: &'a [RawFrame],
+    visits: usize,
+    each: &mut impl FnMut(),
+) -> Result<Measured<'a>, BenchError> {
+    let mut background = Background::new(model.patch.size);
+    let (mut pair, mut difference) = (PatchPair::zeros(model.patch.size), PatchPair::zeros(model.patch.size));
+    let (mut empty, mut others, mut skipped) = (Vec::new(), Vec::new(), Vec::new());
+    for frame in frames {
+        each();
+        match reader.read(frame, &mut pair) {
+            Err(reason) => skipped.push(reason),
+            Ok(_) if frame.purpose == Purpose::Before => {}
+            Ok(_) if frame.purpose == Purpose::Background => {
+                background.learn(&pair);
+                empty.push(frame);
+            }
+            Ok(_) => others.push(frame),
+        }
+    }
+    let first = *others.first().ok_or(BenchError::NoFrames)?;
+    reader.read(first, &mut pair).map_err(StepError::Skipped)?;
+    if !background.difference(&pair, &mut difference) {
+        return Err(StepError::NoBackground.into());
+    }
+    let start = Instant::now();
+    let problem = Problem::new(model, &background, &difference);
+    let problem_time = start.elapsed();
+    let mut correlations = problem.projection.correlations();
+    let mut projected: Vec<Projected> = Vec::with_capacity(others.len());
+    let mut times = Vec::with_capacity(visits);
+    for t in there_and_back(others.len()).take(visits) {
+        reader.read(others[t], &mut pair).map_err(StepError::Skipped)?;
+        background.difference(&pair, &mut difference);
+        let start = Instant::now();
+        problem.projection.project(&difference, &mut correlations)?;
+        times.push(start.elapsed());
+        if t == projected.len() {
+            let lambda_max = problem.solver.lambda_max(&correlations);
+            // Without the room for pixels that the projection's own correlations have.
+            let correlations = Correlations::new(correlations.rhs.clone(), correlations.energy);
+            projected.push(Projected { frame: others[t], correlations, lambda_max });
+        }
+        each();
+    }
+    Ok(Measured { problem, problem_time, background, empty, projected, times, skipped })
+}
+
+/// Measures λ and the solution of every frame.
+fn solve(
+    model: &Model,
+    problem: &Problem,
+    frames: &[&Projected],
+    from: Start,
+    visits: usize,
+    each: &mut impl FnMut(),
+) -> Vec<Duration> {
+    let solver = &problem.solver;
+    let (mut workspace, mut solution) = (solver.workspace(), Solution::default());
+    let mut visit = |t: usize| {
+        let correlations = &frames[t].correlations;
+        let start = Instant::now();
+        let lambda = problem.lambda(correlations, solver.lambda_max(correlations));
+        solver.solve_into(correlations, lambda, model.limits, from, &mut workspace, &mut solution);
+        start.elapsed()
+    };
+    // The first one grows the workspace, and it has no frame before it to start from.
+    visit(there_and_back(frames.len()).nth(1).unwrap_or(0));
+    let timed = |t| {
+        let time = visit(t);
+        each();
+        time
+    };
+    there_and_back(frames.len()).take(visits).map(timed).collect()
+}
+
+/// Measures the published iteration on some frames, with columns as the authors have them, and scales it to all steps.
+fn published_iteration(
+    model: &Model,
+    reader: &mut FrameReader,
+    measured: &Measured,
+    frames: &[&Projected],
+    each: &mut impl FnMut(),
+) -> Result<Vec<Duration>, BenchError> {
+    let lambda = match (model.kind, model.lambda) {
+        (ModelKind::Published, Lambda::Fixed(lambda)) => lambda,
+        _ => Lambda::PUBLISHED,
+    };
+    let nuisance = Nuisance::constant(model.patch.pixels());
+    let projection = Projection::new(&model.matrices(), &Pixels::uniform(&model.counted), &nuisance, Columns::Radiance);
+    let gram = projection.gram();
+    let mut correlations = projection.correlations();
+    let (mut pair, mut difference) = (PatchPair::zeros(model.patch.size), PatchPair::zeros(model.patch.size));
+    let mut times = Vec::new();
+    for k in 0..PUBLISHED_FRAMES {
+        reader.read(frames[k * frames.len() / PUBLISHED_FRAMES].frame, &mut pair).map_err(StepError::Skipped)?;
+        measured.background.difference(&pair, &mut difference);
+        projection.project(&difference, &mut correlations)?;
+        let mut iteration = PublishedIteration::new(&gram, &model.grid.foreground, &correlations, lambda);
+        let start = Instant::now();
+        (0..PUBLISHED_STEPS).for_each(|_| iteration.step());
+        times.push(start.elapsed().mul_f64(PublishedIteration::STEPS as f64 / PUBLISHED_STEPS as f64));
+        std::hint::black_box(iteration.intensities());
+        each();
+    }
+    Ok(times)
+}
+
+/// Measures the frame loop.
+fn whole_frames(
+    mut engine: Engine,
+    empty: &[&RawFrame],
+    frames: &[&Projected],
+    visits: usize,
+    each: &mut impl FnMut(),
+) -> Result<Vec<Duration>, BenchError> {
+    // After the empty room, one frame that is not measured: the problem is built then.
+    let before = there_and_back(frames.len()).nth(1).unwrap_or(0);
+    for &frame in empty.iter().chain([&frames[before].frame]) {
+        engine.step(frame, Timestamp::UNIX_EPOCH)?;
+    }
+    let timed = |t: usize| {
+        let start = Instant::now();
+        std::hint::black_box(engine.step(frames[t].frame, Timestamp::UNIX_EPOCH)?);
+        let time = start.elapsed();
+        each();
+        Ok(time)
+    };
+    there_and_back(frames.len()).take(visits).map(timed).collect()
+}
+
+/// 0, 1, .. count − 1, count − 2, .. 0, 1, .. without end.
+fn there_and_back(count: usize) -> impl Iterator<Item = usize> {
+    let period = (2 * count).saturating_sub(2).max(1);
+    (0..period).map(move |t| t.min(period - t)).cycle()
+}
+
+/// The smallest times that half and 99 of 100 do not exceed.
+fn quantiles(times: &[Duration]) -> Quantiles {
+    let mut sorted = times.to_vec();
+    sorted.sort_unstable();
+    let at = |share: f64| {
+        let rank = (share * sorted.len() as f64).ceil() as usize;
+        sorted.get(rank.saturating_sub(1)).copied().map_or(0.0, milliseconds)
+    };
+    Quantiles { p50: at(0.5), p99: at(0.99) }
+}
+
+fn milliseconds(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_times_that_were_measured() {
+        let times: Vec<Duration> = (1..=200).rev().map(Duration::from_millis).collect();
+        assert_eq!(quantiles(&times), Quantiles { p50: 100.0, p99: 198.0 });
+        assert_eq!(quantiles(&times[..1]), Quantiles { p50: 200.0, p99: 200.0 });
+    }
+
+    #[test]
+    fn every_frame_follows_its_neighbour() {
+        let order = |count| there_and_back(count).take(7).collect::<Vec<_>>();
+        assert_eq!(order(4), [0, 1, 2, 3, 2, 1, 0]);
+        assert_eq!(order(2), [0, 1, 0, 1, 0, 1, 0]);
+        assert_eq!(order(1), [0; 7]);
+    }
+}

@@ -1,0 +1,232 @@
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use jiff::Timestamp;
+
+use crate::assembly::{BackgroundPlan, Parts};
+use crate::background::{Job, Keeper, KeeperError, Seen, Spaced, Work};
+use crate::people::People;
+use crate::{FrameReader, ReadTimes, Reconstruction, Reconstructor, State, Timing, Update};
+use crate::{Published, Watched};
+use doorcam_core::light::{Averager, PatchPair};
+use doorcam_core::scene::Brightness;
+use doorcam_core::solver::{Audit, ModelKind};
+use doorcam_core::tracking::{Detection, Zone};
+use doorcam_source::{Purpose, RawFrame, SkippedFrame};
+
+/// The whole way of a frame, from encoded images to an update: the same online and offline.
+pub struct Engine {
+    /// What it was made of.
+    parts: Parts,
+    reader: FrameReader,
+    averager: Averager,
+    reconstructor: Reconstructor,
+    /// None: nobody is followed.
+    people: Option<People>,
+    /// None: the background is what a recording gives, and stays.
+    keeper: Option<Keeper>,
+    /// The recording's frames of the empty room.
+    given: Spaced,
+    pair: PatchPair,
+    sequence: u64,
+    /// Once the first map was made, frames of the empty room are no longer learned from: a looped recording shows them
+    /// again, and they should then be seen to be empty.
+    watching: bool,
+}
+
+/// Why a frame made no update.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum StepError {
+    /// This frame is unusable; the next one may be fine.
+    #[error(transparent)]
+    Skipped(#[from] SkippedFrame),
+    /// There is nothing to compare frames with.
+    #[error("no frame of the empty room could be read (recording.json: background_frames), so there is no background")]
+    NoBackground,
+}
+
+impl Engine {
+    /// With nothing learned yet, but for a background that was kept.
+    pub(crate) fn assemble(parts: Parts) -> Self {
+        let settings = parts.plan.settings();
+        let reader = parts.reader.clone();
+        let averager = Averager::new(settings.averaging.mode, settings.averaging.time_s, reader.patch().size);
+        let mut reconstructor = parts.reconstructor();
+        let people = parts.people();
+        let keeper = match parts.background() {
+            BackgroundPlan::Given => None,
+            BackgroundPlan::Rolling(work) => {
+                if work == Work::Aside && people.is_some() && parts.model.kind == ModelKind::Signed {
+                    // Finding people takes this, and there is time for it while the empty room is being learned. Whoever
+                    // wants it first waits.
+                    let model = Arc::clone(&parts.model);
+                    Job::start(work, "bodies", move || {
+                        model.bodies();
+                    });
+                }
+                let store = parts.store(&format!("{:?}", averager.kind()));
+                Some(Keeper::new(&settings.background, store, work, averager.independent_s(), &mut reconstructor))
+            }
+        };
+        Self {
+            given: Spaced::new(averager.independent_s()),
+            pair: PatchPair::zeros(reader.patch().size),
+            sequence: 0,
+            watching: keeper.as_ref().is_some_and(|keeper| !keeper.wants_given()),
+            reader,
+            averager,
+            reconstructor,
+            people,
+            keeper,
+            parts,
+        }
+    }
+
+    /// What its updates are of.
+    pub fn watched(&self) -> Watched {
+        Watched { model: Arc::clone(self.reconstructor.model()), calibration: self.parts.calibration() }
+    }
+
+    /// Gives no numbers of tracks and events below these.
+    pub fn count_from(&mut self, track: u64, event: u64) {
+        self.parts.plan = self.parts.plan.clone().counting_from(track, event);
+        self.people = self.people.take().map(|people| people.counting_from(track, event));
+    }
+
+    /// Takes the place of another engine: goes on counting updates, tracks and events.
+    pub fn continue_from(&mut self, mut other: Self) {
+        self.sequence = other.sequence;
+        if let (Some(people), Some(others)) = (&mut self.people, other.people.take()) {
+            people.continue_from(others);
+        }
+    }
+
+    /// Counts people in other zones from now on.
+    pub fn use_zones(&mut self, zones: Vec<Zone>) {
+        if let Some(people) = &mut self.people {
+            people.use_zones(zones);
+        }
+    }
+
+    /// Learns the background anew from the next frames, with whatever is in the room then. A fixed one stays.
+    pub fn reset_background(&mut self) {
+        if let Some(keeper) = &mut self.keeper {
+            self.averager.restart();
+            keeper.reset(&self.reconstructor);
+            self.watching = true;
+        }
+    }
+
+    /// Saves the background if there is a place for it, and waits until that is done. It is also done when the engine is
+    /// dropped.
+    pub fn save_background(&mut self) {
+        if let Some(keeper) = &mut self.keeper {
+            keeper.save(&self.reconstructor);
+        }
+    }
+
+    /// How good the last frame's solution is among those from `starts` random starts; none before the first one.
+    pub fn audit(&self, starts: usize) -> Option<Audit> {
+        self.reconstructor.audit(starts)
+    }
+
+    /// Until the first frame after the background: learns from what shows the empty room. From then on: reconstructs.
+    pub fn step(&mut self, frame: &RawFrame, time: Timestamp) -> Result<Published, StepError> {
+        let start = Instant::now();
+        let read = self.reader.read(frame, &mut self.pair)?;
+        let model = self.reconstructor.model().clone();
+        let (pair, excess) = self.averager.push(&self.pair, frame.seconds);
+        let map = if !self.watching && is_given(frame.purpose, self.keeper.is_some()) {
+            if frame.purpose == Purpose::Background {
+                self.given.offer(pair, frame.seconds, &mut self.reconstructor);
+            }
+            None
+        } else {
+            self.given.finish(&mut self.reconstructor);
+            match &mut self.keeper {
+                None => {
+                    let map = self.reconstructor.reconstruct_in_noise(pair, excess);
+                    let map = map.map_err(|e| KeeperError::from(e).of(&frame.name))?;
+                    Some(map.ok_or(StepError::NoBackground)?)
+                }
+                Some(keeper) => {
+                    let seen = Seen { raw: &self.pair, pair, excess, seconds: frame.seconds, purpose: frame.purpose };
+                    keeper.step(&seen, &mut self.reconstructor).map_err(|e| e.of(&frame.name))?
+                }
+            }
+        };
+        self.watching |= map.is_some();
+        let (mut update, scene) = match map {
+            None => (Update::learning(&model, self.sequence, time, frame.index, timing(read, None, start)), None),
+            Some(mut map) => {
+                let timing = timing(read, Some(&map), start);
+                let update = Update::watching(&model, self.sequence, time, frame.index, &map, timing);
+                // The update has the refit's factors beside the light; figures show one of both.
+                if model.brightness == Brightness::Measured {
+                    map.scene.multiply(&map.refit);
+                }
+                (update, Some(map.scene))
+            }
+        };
+        update.calibration = self.parts.calibration();
+        if let Some(keeper) = &self.keeper {
+            update.state = keeper.state();
+            update.background = Some(keeper.report());
+        }
+        let detections = self.follow(frame.seconds, &mut update);
+        update.timing_ms.total = ms(start.elapsed());
+        self.sequence += 1;
+        let difference = scene.is_some().then(|| self.reconstructor.difference().clone());
+        let sensing = scene.is_some().then(|| self.reconstructor.sensing().cloned()).flatten();
+        let patches = Some(self.pair.clone());
+        Ok(Published { patches, detections, sensing, ..Published::new(update, scene, difference) })
+    }
+
+    /// Who is where, by a map that is of now; nobody is followed through frames without one.
+    fn follow(&mut self, seconds: f64, update: &mut Update) -> Vec<Detection> {
+        let Some(people) = &mut self.people else { return Vec::new() };
+        let start = Instant::now();
+        let (detections, report) = if update.state == State::Watching {
+            let elapsed_s = people.elapsed_s(seconds);
+            let detections = self.reconstructor.find(people.predictions(seconds), elapsed_s).to_vec();
+            let report = people.step(seconds, update.time, &detections);
+            (detections, report)
+        } else {
+            (Vec::new(), people.pause(update.time))
+        };
+        (update.tracks, update.events, update.zones) = (report.tracks, report.events, report.zones);
+        update.timing_ms.track = ms(start.elapsed());
+        detections
+    }
+}
+
+impl Drop for Engine {
+    fn drop(&mut self) {
+        self.save_background();
+    }
+}
+
+/// Whether a frame belongs to the start of a recording. With a fixed background, everything does that is not to be watched.
+fn is_given(purpose: Purpose, rolling: bool) -> bool {
+    match purpose {
+        Purpose::Before | Purpose::Background => true,
+        Purpose::Live => !rolling,
+        Purpose::Watch => false,
+    }
+}
+
+fn ms(duration: Duration) -> f64 {
+    duration.as_secs_f64() * 1e3
+}
+
+fn timing(read: ReadTimes, solved: Option<&Reconstruction>, start: Instant) -> Timing {
+    Timing {
+        decode: ms(read.decode),
+        rectify: ms(read.rectify),
+        background: solved.map_or(0.0, |r| ms(r.background_time)),
+        project: solved.map_or(0.0, |r| ms(r.project_time)),
+        solve: solved.map_or(0.0, |r| ms(r.solve_time)),
+        track: 0.0,
+        total: ms(start.elapsed()),
+    }
+}

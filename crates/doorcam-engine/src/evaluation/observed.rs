@@ -1,0 +1,201 @@
+use std::io::BufRead;
+
+use serde::Deserialize;
+
+use crate::{Published, Timing};
+use doorcam_core::geometry::Point;
+use doorcam_core::tracking::{Covariance, Detection, Track, TrackState};
+
+/// Somebody as reported in one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// The track; none for a detection, which is of one frame alone.
+    pub id: Option<u64>,
+    /// The body's axis, in metres in the door frame.
+    pub position: Point,
+    /// Covariance of the position, in m².
+    pub covariance: Covariance,
+}
+
+impl From<&Detection> for Estimate {
+    fn from(detection: &Detection) -> Self {
+        Self { id: None, position: detection.position, covariance: detection.covariance }
+    }
+}
+
+/// Milliseconds that a frame took.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+pub struct StageTimes {
+    /// Solving eq. 13.
+    pub solve: f64,
+    /// Detections and tracking.
+    #[serde(default)]
+    pub track: f64,
+    /// All of the frame.
+    pub total: f64,
+}
+
+impl From<Timing> for StageTimes {
+    fn from(Timing { solve, track, total, .. }: Timing) -> Self {
+        Self { solve, track, total }
+    }
+}
+
+/// What one update says that can be scored.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observed {
+    /// The frame's number in its recording; none for a live camera's.
+    pub frame: Option<u64>,
+    /// Who is reported.
+    pub estimates: Vec<Estimate>,
+    /// How long the frame took; none if the update does not say.
+    pub times: Option<StageTimes>,
+}
+
+impl Observed {
+    /// The confirmed and coasting tracks of an update.
+    pub fn tracks(published: &Published) -> Self {
+        let update = &published.update;
+        let reported = |track: &&Track| track.state != TrackState::Tentative;
+        let estimate = |track: &Track| Estimate {
+            id: Some(track.id),
+            position: [track.x_m, track.y_m],
+            covariance: track.covariance_m2,
+        };
+        Self { estimates: update.tracks.iter().filter(reported).map(estimate).collect(), ..Self::of(published) }
+    }
+
+    /// What the frame by itself shows, without its past.
+    pub fn detections(published: &Published) -> Self {
+        Self { estimates: published.detections.iter().map(Estimate::from).collect(), ..Self::of(published) }
+    }
+
+    fn of(published: &Published) -> Self {
+        let update = &published.update;
+        Self { frame: update.frame, estimates: Vec::new(), times: Some(update.timing_ms.into()) }
+    }
+}
+
+/// Why a file of updates cannot be scored.
+#[derive(Debug, thiserror::Error)]
+pub enum ObservedError {
+    /// It cannot be read.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// A line is no update.
+    #[error("line {line}: {key}: {message}")]
+    Invalid {
+        /// Number of the line, from 1.
+        line: usize,
+        /// Where in it.
+        key: String,
+        /// What is wrong.
+        message: String,
+    },
+}
+
+/// The parts of an update (DESIGN: the update contract) that are scored; all others may be missing.
+#[derive(Deserialize)]
+struct UpdateLine {
+    frame: Option<u64>,
+    #[serde(default)]
+    state: MapState,
+    tracks: Vec<TrackLine>,
+    timing_ms: Option<StageTimes>,
+}
+
+#[derive(Deserialize, Default, PartialEq)]
+#[serde(rename_all = "lowercase")]
+enum MapState {
+    Learning,
+    #[default]
+    #[serde(other)]
+    Known,
+}
+
+#[derive(Deserialize)]
+struct TrackLine {
+    id: u64,
+    state: TrackLineState,
+    x_m: f64,
+    y_m: f64,
+    covariance_m2: Covariance,
+}
+
+#[derive(Deserialize, PartialEq)]
+#[serde(rename_all = "lowercase")]
+enum TrackLineState {
+    Tentative,
+    Confirmed,
+    Coasting,
+}
+
+/// Reads updates, one JSON object a line, as `doorcam reconstruct` prints them and the live socket sends them. Empty lines,
+/// and updates from before the empty room was learned, are left out.
+pub fn read_updates(from: impl BufRead) -> Result<Vec<Observed>, ObservedError> {
+    let mut updates = Vec::new();
+    for (number, line) in from.lines().enumerate() {
+        let line = line?;
+        if line.trim().is_empty() {
+            continue;
+        }
+        let mut json = serde_json::Deserializer::from_str(&line);
+        let update: UpdateLine = serde_path_to_error::deserialize(&mut json).map_err(|e| ObservedError::Invalid {
+            line: number + 1,
+            key: e.path().to_string(),
+            message: e.into_inner().to_string(),
+        })?;
+        if update.state == MapState::Learning {
+            continue;
+        }
+        let reported = update.tracks.iter().filter(|track| track.state != TrackLineState::Tentative);
+        let estimate = |track: &TrackLine| Estimate {
+            id: Some(track.id),
+            position: [track.x_m, track.y_m],
+            covariance: track.covariance_m2,
+        };
+        updates.push(Observed {
+            frame: update.frame,
+            estimates: reported.map(estimate).collect(),
+            times: update.timing_ms,
+        });
+    }
+    Ok(updates)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn confirmed_and_coasting_tracks_are_read_and_tentative_ones_are_not() {
+        let track = |id: u64, state: &str| {
+            format!(
+                r#"{{"id": {id}, "state": "{state}", "x_m": 0.5, "y_m": 1, "covariance_m2": [[0.01, 0], [0, 0.04]], "rgb": [0, 0, 0]}}"#
+            )
+        };
+        let tracks = [track(1, "tentative"), track(2, "confirmed"), track(3, "coasting")].join(", ");
+        let text = format!(
+            "{{\"frame\": 3, \"state\": \"learning\", \"tracks\": []}}\n\n\
+             {{\"version\": 1, \"frame\": 4, \"state\": \"relearning\", \"tracks\": [{tracks}], \"timing_ms\": {{\"solve\": 1.5, \"total\": 3, \"track\": 0.25}}}}\n\
+             {{\"frame\": null, \"tracks\": []}}\n"
+        );
+        let updates = read_updates(text.as_bytes()).unwrap();
+        let estimate = |id| Estimate { id: Some(id), position: [0.5, 1.0], covariance: [[0.01, 0.0], [0.0, 0.04]] };
+        let times = StageTimes { solve: 1.5, track: 0.25, total: 3.0 };
+        assert_eq!(
+            updates,
+            [
+                Observed { frame: Some(4), estimates: vec![estimate(2), estimate(3)], times: Some(times) },
+                Observed { frame: None, estimates: Vec::new(), times: None }
+            ]
+        );
+    }
+
+    #[test]
+    fn errors_name_the_line_and_the_key() {
+        let text = "{\"frame\": 1, \"tracks\": []}\n{\"frame\": 2, \"tracks\": [{\"id\": \"one\"}]}\n";
+        let message = read_updates(text.as_bytes()).unwrap_err().to_string();
+        assert!(message.starts_with("line 2: tracks[0].id: invalid type"), "{message}");
+    }
+}

@@ -1,0 +1,248 @@
+use super::*;
+use crate::evaluation::Report;
+use doorcam_source::truth::TrueFrame;
+
+/// Ten frames a second.
+const FPS: f64 = 10.0;
+
+fn target(id: u64, [x_m, y_m]: Point) -> Target {
+    Target { id, x_m, y_m, radius_m: 0.2, rgb: [0.0; 3] }
+}
+
+/// 0.1 m of standard deviation along both axes.
+fn track(id: u64, position: Point) -> Estimate {
+    Estimate { id: Some(id), position, covariance: [[0.01, 0.0], [0.0, 0.01]] }
+}
+
+fn truth_of(frames: impl IntoIterator<Item = (u64, Vec<Target>)>) -> Truth {
+    let frame = |(index, targets)| TrueFrame { index, t: index as f64 / FPS, targets };
+    Truth { frames: frames.into_iter().map(frame).collect() }
+}
+
+/// Frame by frame who is there and what is reported, from frame 0 on.
+fn evaluate(frames: &[(Vec<Target>, Vec<Estimate>)], first: u64, settle_s: f64) -> Evaluation {
+    let truth = truth_of((0..).zip(frames.iter().map(|(targets, _)| targets.clone())));
+    let mut scorer = Scorer::new(&truth, first, settle_s).unwrap();
+    for (index, (_, estimates)) in (0..).zip(frames) {
+        scorer.score(&Observed { frame: Some(index), estimates: estimates.clone(), times: None });
+    }
+    scorer.finish()
+}
+
+fn report(frames: &[(Vec<Target>, Vec<Estimate>)], first: u64, settle_s: f64) -> Report {
+    evaluate(frames, first, settle_s).report("made up", frames.len())
+}
+
+fn counts(report: &Report) -> [usize; 4] {
+    [report.targets, report.detected, report.missed, report.strays]
+}
+
+#[test]
+fn errors_and_their_figures_are_those_of_the_definitions() {
+    // Errors of 0.0, 0.1, ... 0.4 m, and one beyond the cutoff: missed, and reported for nobody.
+    let frames: Vec<_> = [0.0, 0.1, 0.2, 0.3, 0.4, 0.6]
+        .map(|error| (vec![target(1, [0.0, 1.0])], vec![track(7, [error, 1.0])]))
+        .to_vec();
+    let report = report(&frames, 0, 0.0);
+    assert_eq!(counts(&report), [6, 5, 1, 1]);
+    let near = |found: Option<f64>, expected: f64| assert!((found.unwrap() - expected).abs() < 1e-12, "{found:?}");
+    near(report.mean_error_m, 0.2);
+    near(report.rmse_m, (0.3f64 / 5.0).sqrt());
+    near(report.p95_error_m, 0.4);
+    near(report.missed_share, 1.0 / 6.0);
+    near(report.gospa_m, (0.0 + 0.1 + 0.2 + 0.3 + 0.4 + 0.5) / 6.0);
+    let parts = report.gospa.unwrap();
+    near(Some(parts.localisation_m2), 0.3 / 6.0);
+    near(Some(parts.missed_m2), 0.125 / 6.0);
+    near(Some(parts.false_m2), 0.125 / 6.0);
+    // (error / 0.1 m)²: 0, 1, 4, 9, 16; below 5.991 are three.
+    near(report.ellipse_share, 0.6);
+    near(report.median_nees, 4.0);
+    assert_eq!([report.tracks, report.false_tracks, report.id_switches, report.people], [1, 0, 0, 1]);
+}
+
+#[test]
+fn the_ellipse_is_that_of_the_covariance() {
+    let at = |covariance| {
+        let estimate = Estimate { id: None, position: [0.2, 1.1], covariance };
+        TargetScore {
+            target: target(1, [0.0, 1.0]),
+            verdict: Verdict::Detected,
+            estimate: Some(estimate),
+            visit: 1,
+            bound_m: None,
+        }
+    };
+    // e = (0.2, 0.1), P⁻¹ = [[30, -10], [-10, 20]]: 30 · 0.04 − 20 · 0.02 + 20 · 0.01 = 1.
+    let nees = at([[0.04, 0.02], [0.02, 0.06]]).nees().unwrap();
+    assert!((nees - 1.0).abs() < 1e-12, "{nees}");
+    for no_covariance in [[[0.0; 2]; 2], [[0.01, 0.02], [0.02, 0.01]], [[-0.01, 0.0], [0.0, -0.01]]] {
+        assert_eq!(at(no_covariance).nees(), Some(f64::INFINITY));
+    }
+}
+
+#[test]
+fn two_who_cross_and_swap_their_tracks_are_two_switches() {
+    let frames: Vec<_> = (0..11)
+        .map(|k| {
+            let x = -0.5 + 0.1 * f64::from(k);
+            let (a, b) = ([x, 1.0], [-x, 1.6]);
+            let ids = if k < 6 { [1, 2] } else { [2, 1] };
+            (vec![target(1, a), target(2, b)], vec![track(ids[0], a), track(ids[1], b)])
+        })
+        .collect();
+    let report = report(&frames, 0, 0.0);
+    assert_eq!(counts(&report), [22, 22, 0, 0]);
+    assert_eq!([report.id_switches, report.false_tracks, report.tracks, report.people], [2, 0, 2, 2]);
+    assert_eq!(report.mean_error_m, Some(0.0));
+}
+
+#[test]
+fn a_switch_is_one_also_across_frames_that_miss() {
+    let here = [0.0, 1.0];
+    let frame = |id: Option<u64>| (vec![target(1, here)], id.map(|id| track(id, here)).into_iter().collect());
+    let switches =
+        |ids: &[Option<u64>]| report(&ids.iter().map(|&id| frame(id)).collect::<Vec<_>>(), 0, 0.0).id_switches;
+    assert_eq!(switches(&[Some(1), None, Some(1)]), 0);
+    assert_eq!(switches(&[Some(1), None, Some(2)]), 1);
+    assert_eq!(switches(&[Some(1), Some(2), Some(1)]), 2);
+    // Who left and comes back is a stranger, also where the frame of the return has no update.
+    let away = (vec![], vec![]);
+    let again = [frame(Some(1)), away, frame(Some(2)), frame(Some(2))];
+    assert_eq!(report(&again, 0, 0.0).id_switches, 0);
+    let truth = truth_of((0..).zip(again.iter().map(|(targets, _)| targets.clone())));
+    let mut scorer = Scorer::new(&truth, 0, 0.0).unwrap();
+    for (index, id) in [(0, 1), (3, 2)] {
+        scorer.score(&Observed { frame: Some(index), estimates: vec![track(id, here)], times: None });
+    }
+    let evaluation = scorer.finish();
+    assert_eq!((evaluation.report("", 4).id_switches, evaluation.unseen), (0, 2));
+}
+
+#[test]
+fn while_somebody_settles_nothing_about_them_is_right_or_wrong() {
+    // In from frame 5 on, found from frame 10 on; one second is up in frame 15.
+    let here = [0.0, 1.0];
+    let frame = |k: i32| {
+        let there = if k >= 5 { vec![target(1, here)] } else { vec![] };
+        (there, if k >= 10 { vec![track(1, here)] } else { vec![] })
+    };
+    let frames: Vec<_> = (0..20).map(frame).collect();
+    let settled = report(&frames, 0, 1.0);
+    assert_eq!(counts(&settled), [5, 5, 0, 0]);
+    assert_eq!((settled.scored_frames, settled.gospa_m), (20, Some(0.0)));
+    assert_eq!(counts(&report(&frames, 0, 0.0)), [15, 10, 5, 0]);
+    assert_eq!(counts(&report(&frames, 0, 0.7)), [8, 8, 0, 0]);
+    assert_eq!(counts(&report(&frames, 0, 0.3)), [12, 10, 2, 0]);
+    // Those who come again settle again; a frame that the truth does not know is no absence.
+    let gone = (0..40).filter(|&k| k != 30).map(|k| (k, if k == 20 { vec![] } else { vec![target(1, here)] }));
+    let truth = truth_of(gone);
+    let mut scorer = Scorer::new(&truth, 0, 1.0).unwrap();
+    (0..40).for_each(|k| scorer.score(&Observed { frame: Some(k), estimates: vec![], times: None }));
+    let late = scorer.finish().report("", 40);
+    assert_eq!((late.scored_frames, late.missed), (39, 10 + 9));
+}
+
+#[test]
+fn a_stranger_beside_who_settles_is_wrong_all_the_same() {
+    let frames = [(vec![target(1, [0.0, 1.0])], vec![track(1, [0.0, 1.0]), track(2, [1.0, 1.0])])];
+    let report = report(&frames, 0, 1.0);
+    assert_eq!(counts(&report), [0, 0, 0, 1]);
+    assert_eq!([report.tracks, report.false_tracks], [2, 1]);
+    assert!((report.gospa_m.unwrap() - 0.125f64.sqrt()).abs() < 1e-12);
+}
+
+#[test]
+fn a_false_track_is_nobody_for_most_of_its_life() {
+    let (here, nowhere) = ([0.0, 1.0], [1.0, 2.0]);
+    let frames = |right: usize, wrong: usize| -> Vec<_> {
+        let at = |place| (vec![target(1, here)], vec![track(1, place)]);
+        (0..right).map(|_| at(here)).chain((0..wrong).map(|_| at(nowhere))).collect()
+    };
+    let false_tracks = |right, wrong| report(&frames(right, wrong), 0, 0.0).false_tracks;
+    assert_eq!([false_tracks(3, 2), false_tracks(2, 2), false_tracks(2, 3), false_tracks(0, 1)], [0, 0, 1, 1]);
+    // Found while settling is found.
+    assert_eq!(report(&frames(3, 2), 0, 9.0).false_tracks, 0);
+    // What frames before the first scored one report does not count.
+    assert_eq!(report(&frames(3, 2), 3, 0.0).false_tracks, 1);
+}
+
+#[test]
+fn frames_that_nobody_knows_or_that_come_too_early_are_not_scored() {
+    let here = [0.0, 1.0];
+    let truth = truth_of([(2, vec![target(1, here)]), (3, vec![target(1, here)]), (5, vec![target(1, here)])]);
+    let mut scorer = Scorer::new(&truth, 3, 0.0).unwrap();
+    // Out of order, twice, and of a live camera.
+    for frame in [Some(5), Some(2), Some(4), Some(3), Some(3), None] {
+        scorer.score(&Observed { frame, estimates: vec![track(1, here)], times: None });
+    }
+    let evaluation = scorer.finish();
+    assert_eq!(evaluation.frames.iter().map(|f| f.index).collect::<Vec<_>>(), [3, 5]);
+    assert_eq!(evaluation.unseen, 0);
+    assert_eq!(counts(&evaluation.report("", 6)), [2, 2, 0, 0]);
+}
+
+#[test]
+fn an_empty_room_without_tracks_has_no_errors() {
+    let report = report(&vec![(vec![], vec![]); 4], 0, 1.0);
+    assert_eq!(counts(&report), [0; 4]);
+    assert_eq!((report.scored_frames, report.gospa_m), (4, Some(0.0)));
+    assert_eq!(
+        [report.mean_error_m, report.rmse_m, report.p95_error_m, report.ellipse_share, report.missed_share],
+        [None; 5]
+    );
+}
+
+#[test]
+fn a_mirrored_room_has_the_same_figures() {
+    let frames: Vec<_> = (0..30)
+        .map(|k| {
+            let phase = f64::from(k) * 0.3;
+            let (a, b) = ([phase.sin(), 1.0 + 0.3 * phase.cos()], [0.6 * phase.cos(), 1.7]);
+            let seen = |id, [x, y]: Point, wobble: f64| Estimate {
+                id: Some(id),
+                position: [x + wobble * (7.0 * phase).sin(), y + wobble * (5.0 * phase).cos()],
+                covariance: [[0.01, 0.004], [0.004, 0.02]],
+            };
+            (vec![target(1, a), target(2, b)], vec![seen(1, a, 0.2), seen(2, b, 0.4), seen(3, [0.9, 0.4], 0.1)])
+        })
+        .collect();
+    let mirrored = |(targets, estimates): &(Vec<Target>, Vec<Estimate>)| {
+        let target = |t: &Target| Target { x_m: -t.x_m, ..*t };
+        let estimate = |e: &Estimate| Estimate {
+            position: [-e.position[0], e.position[1]],
+            covariance: [[e.covariance[0][0], -e.covariance[0][1]], [-e.covariance[1][0], e.covariance[1][1]]],
+            ..*e
+        };
+        (targets.iter().map(target).collect(), estimates.iter().map(estimate).collect())
+    };
+    let other = report(&frames.iter().map(mirrored).collect::<Vec<_>>(), 0, 1.0);
+    let one = report(&frames, 0, 1.0);
+    assert!(one.missed > 0 && one.strays > 0 && one.id_switches == 0 && one.ellipse_share.unwrap() < 1.0, "{one:?}");
+    assert_eq!(one, other);
+}
+
+#[test]
+fn gospa_of_a_frame_is_that_of_who_counts() {
+    use crate::evaluation::gospa;
+    let (settled, late) = (target(1, [0.0, 1.0]), target(2, [0.3, 1.0]));
+    let reported = vec![track(1, [0.05, 1.1]), track(2, [0.4, 1.0]), track(3, [-1.0, 1.0])];
+    let mut frames = vec![(vec![settled], vec![]); 12];
+    frames.push((vec![settled, late], reported.clone()));
+    let evaluation = evaluate(&frames, 12, 1.0);
+    let frame = &evaluation.frames[0];
+    assert_eq!(frame.count(Verdict::Settling), 1);
+    let expected = gospa(&[[0.0, 1.0]], &[reported[0].position, reported[2].position], CUTOFF_M);
+    assert_eq!(frame.gospa(), expected);
+}
+
+#[test]
+fn a_truth_that_contradicts_itself_is_refused() {
+    let twice = truth_of([(4, vec![target(1, [0.0; 2]), target(1, [1.0; 2])])]);
+    assert_eq!(
+        Scorer::new(&twice, 0, 1.0).err().unwrap().to_string(),
+        "frames: index 4 has two targets with id 1, expected each target once"
+    );
+    let again = truth_of([(4, vec![]), (4, vec![])]);
+    assert_eq!(Scorer::new(&again, 0, 1.0).err().unwrap().to_string(), "frames: index 4 is there twice");
+}

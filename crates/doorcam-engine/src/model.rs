@@ -1,0 +1,188 @@
+use std::f64::consts::PI;
+use std::sync::OnceLock;
+
+use crate::{Preprocessing, Settings};
+use doorcam_core::geometry::{Doorway, FacetGrid, GeometryError, Point, Side};
+use doorcam_core::light::FanPair;
+use doorcam_core::scene::{Brightness, Neighbourhood};
+use doorcam_core::solver::{Lambda, Limits, ModelKind};
+use doorcam_core::tracking::likelihood::BodyTable;
+use doorcam_core::transport::edge_foot_mask;
+use doorcam_core::transport::{PatchGrid, PixelLayout, Transport, TransportSpec};
+
+/// Why a configuration and a doorway do not make a model.
+#[derive(Debug, thiserror::Error)]
+pub enum SetupError {
+    /// Doorway, room and grid do not fit together.
+    #[error(transparent)]
+    Geometry(#[from] GeometryError),
+    /// The calibration does not fix the camera.
+    #[error(transparent)]
+    Calibration(#[from] doorcam_core::calibration::CalibrationError),
+    /// Too much of a patch is excluded.
+    #[error("patch.exclude leaves {count} pixels of the {side} patch, expected at least {least}")]
+    PatchExcluded {
+        /// Which patch.
+        side: &'static str,
+        /// Pixels that count.
+        count: usize,
+        /// How many are needed.
+        least: usize,
+    },
+    /// The camera does not see enough of a patch.
+    #[error(
+        "the camera sees {seen} of the {all} pixels of the {side} patch; expected at least half (patch.fov_m is {fov_m})"
+    )]
+    PatchNotSeen {
+        /// Which patch.
+        side: &'static str,
+        /// Pixels seen.
+        seen: usize,
+        /// Pixels of the patch.
+        all: usize,
+        /// Its side in metres.
+        fov_m: f64,
+    },
+}
+
+/// A person's height: near enough for everybody who stands.
+const BODY_HEIGHT_M: f64 = 1.7;
+
+/// Fewer pixels than this cannot tell facets apart.
+const LEAST_PIXELS: usize = 64;
+
+/// Everything that is known before the first frame: geometry, transport and what the configuration asks for.
+#[derive(Debug, Clone)]
+pub struct Model {
+    /// The doorway.
+    pub doorway: Doorway,
+    /// The facets of the map.
+    pub grid: FacetGrid,
+    /// The floor patches.
+    pub patch: PatchGrid,
+    /// What A_L and A_R are worked out by.
+    pub transport: TransportSpec,
+    /// Per side, the pixels that count: seen, and not at the foot of the edge.
+    pub counted: [Vec<bool>; 2],
+    /// Which changes a facet may show.
+    pub kind: ModelKind,
+    /// λ of eq. 13.
+    pub lambda: Lambda,
+    /// Automatic λ: times what noise reaches.
+    pub lambda_factor: f64,
+    /// Automatic λ: share of the strongest facet's wish.
+    pub lambda_share: f64,
+    /// When the solver stops.
+    pub limits: Limits,
+    /// Which facets are neighbours.
+    pub neighbourhood: Neighbourhood,
+    /// The pixels that count, gathered by angle.
+    pub fans: FanPair,
+    /// A person's radius, in metres.
+    pub body_radius_m: f64,
+    bodies: OnceLock<BodyTable>,
+    /// t of eq. 15, relative to the largest |c|.
+    pub unified_threshold: f64,
+    /// Which brightness figures show.
+    pub brightness: Brightness,
+}
+
+impl Model {
+    /// The patches that a configuration asks for, no larger than what the source shows.
+    pub fn patch_grid(settings: &Settings, shown_fov_m: Option<f64>) -> PatchGrid {
+        PatchGrid {
+            size: settings.patch.pixels,
+            fov_m: shown_fov_m.map_or(settings.patch.fov_m, |shown| shown.min(settings.patch.fov_m)),
+            layout: match settings.preprocessing {
+                Preprocessing::Published => PixelLayout::EndsIncluded,
+                Preprocessing::Linear => PixelLayout::Cells,
+            },
+        }
+    }
+
+    /// Builds the model of a doorway. `seen` tells, per side and pixel, what the source shows at all.
+    pub fn new(
+        settings: &Settings,
+        doorway: Doorway,
+        patch: PatchGrid,
+        seen: Option<[Vec<bool>; 2]>,
+    ) -> Result<Self, SetupError> {
+        let grid = FacetGrid::new(&doorway, &settings.grid)?;
+        let foot = edge_foot_mask(&patch);
+        let excluded = |side: Side, k: usize| {
+            let point = patch.point(&doorway, side, k / patch.size, k % patch.size);
+            settings.patch.exclude.iter().any(|corners| lies_between(corners, point))
+        };
+        let mut counted: [Vec<bool>; 2] = match seen {
+            None => [foot.clone(), foot],
+            Some(seen) => seen.map(|side| side.iter().zip(&foot).map(|(&s, &f)| s && f).collect()),
+        };
+        for (counted, side) in counted.iter_mut().zip(Side::BOTH) {
+            counted.iter_mut().enumerate().for_each(|(k, counts)| *counts &= !excluded(side, k));
+            let count = counted.iter().filter(|&&c| c).count();
+            if count < LEAST_PIXELS {
+                return Err(SetupError::PatchExcluded { side: side.name(), count, least: LEAST_PIXELS });
+            }
+        }
+        let spec = TransportSpec { kernel: settings.kernel, facet_height_m: settings.facet_height_m, patch };
+        let neighbourhood = Neighbourhood::new(&doorway, &grid, PI / settings.grid.intervals as f64);
+        Ok(Self {
+            neighbourhood,
+            fans: FanPair::new(&doorway, &patch, &counted),
+            body_radius_m: settings.tracker.body_radius_m,
+            bodies: OnceLock::new(),
+            doorway,
+            patch,
+            transport: spec,
+            counted,
+            kind: settings.solver.model,
+            lambda: settings.solver.lambda,
+            lambda_factor: settings.solver.lambda_factor,
+            lambda_share: settings.solver.lambda_share,
+            limits: Limits { sweeps: settings.solver.max_steps, ..Limits::default() },
+            unified_threshold: settings.unified_threshold,
+            brightness: settings.brightness,
+            grid,
+        })
+    }
+
+    /// A_L and A_R. Worked out anew each time: they are by far the largest thing here, and only wanted while a problem is set up.
+    pub fn matrices(&self) -> Transport {
+        Transport::new(&self.doorway, &self.grid.facets, &self.transport)
+    }
+
+    /// What people anywhere in the room do to the patches. Worked out when it is first asked for.
+    pub fn bodies(&self) -> &BodyTable {
+        self.bodies
+            .get_or_init(|| BodyTable::new(&self.doorway, &self.patch, &self.fans, self.body_radius_m, BODY_HEIGHT_M))
+    }
+}
+
+/// Whether a point of the floor is in the rectangle with these opposite corners.
+fn lies_between(corners: &[Point; 2], point: Point) -> bool {
+    (0..2).all(|k| {
+        let (a, b) = (corners[0][k], corners[1][k]);
+        (a.min(b)..=a.max(b)).contains(&point[k])
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn excluded_floor_does_not_count() {
+        let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None };
+        let mut settings = Settings::default();
+        settings.patch.pixels = 32;
+        let patch = Model::patch_grid(&settings, None);
+        let whole = Model::new(&settings, doorway, patch, None).unwrap();
+        // The half of the right patch that is farther from the wall: y below -0.25.
+        settings.patch.exclude = vec![[[0.8, -0.25], [0.0, -9.0]]];
+        let part = Model::new(&settings, doorway, patch, None).unwrap();
+        assert_eq!(part.counted[0], whole.counted[0]);
+        for k in 0..patch.pixels() {
+            assert_eq!(part.counted[1][k], whole.counted[1][k] && k / 32 < 16, "row {}", k / 32);
+        }
+    }
+}

@@ -1,0 +1,126 @@
+use jiff::Timestamp;
+
+use crate::Settings;
+use doorcam_core::tracking::{Detection, Event, Events, Occupancy, Prediction, Track, Tracker, Zone};
+
+/// The tracking stage: from a frame's detections to who is where, and what they do.
+pub struct People {
+    tracker: Tracker,
+    events: Events,
+}
+
+/// What an update says about people.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct PeopleReport {
+    /// Everybody who is followed.
+    pub tracks: Vec<Track>,
+    /// What happened since the update before.
+    pub events: Vec<Event>,
+    /// Who is in which zone.
+    pub zones: Vec<Occupancy>,
+}
+
+impl People {
+    /// Nobody is there yet.
+    pub fn new(settings: &Settings) -> Self {
+        Self { tracker: Tracker::new(settings.tracker), events: Events::new(settings.dwelling, settings.zones.clone()) }
+    }
+
+    /// Gives no numbers of tracks and events below these.
+    pub fn counting_from(self, track: u64, event: u64) -> Self {
+        Self { tracker: self.tracker.counting_from(track), events: self.events.counting_from(event) }
+    }
+
+    /// Where people are expected at a frame's time, in seconds.
+    pub fn predictions(&self, seconds: f64) -> impl Iterator<Item = Prediction> + '_ {
+        self.tracker.predictions(seconds)
+    }
+
+    /// Seconds from the last frame to one of that time; none before the first one.
+    pub fn elapsed_s(&self, seconds: f64) -> f64 {
+        self.tracker.seconds().map_or(f64::INFINITY, |last| (seconds - last).max(0.0))
+    }
+
+    /// Takes in what a frame shows, at its `seconds` and its time of capture.
+    pub(super) fn step(&mut self, seconds: f64, time: Timestamp, detections: &[Detection]) -> PeopleReport {
+        self.tracker.step(seconds, detections);
+        self.report(time)
+    }
+
+    /// Takes in a frame of which there is no map that could be trusted: whoever was there is not followed through it.
+    pub(super) fn pause(&mut self, time: Timestamp) -> PeopleReport {
+        self.tracker.reset();
+        self.report(time)
+    }
+
+    /// Takes the place of `others`: nobody is followed from one to the other, but ids and numbers of events go on.
+    pub(super) fn continue_from(&mut self, others: Self) {
+        self.tracker.continue_from(&others.tracker);
+        self.events.continue_from(others.events);
+    }
+
+    /// Counts people in other zones from now on.
+    pub(super) fn use_zones(&mut self, zones: Vec<Zone>) {
+        self.events.use_zones(zones);
+    }
+
+    fn report(&mut self, time: Timestamp) -> PeopleReport {
+        let mut events = Vec::new();
+        self.events.observe(time, self.tracker.tracks(), self.tracker.unseen_s(), &mut events);
+        PeopleReport { tracks: self.tracker.tracks().to_vec(), events, zones: self.events.occupancy().collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use doorcam_core::tracking::EventKind;
+
+    fn at(tenths: i64) -> Timestamp {
+        Timestamp::from_millisecond(100 * tenths).unwrap()
+    }
+
+    fn people() -> People {
+        let polygon_m = vec![[-1.0, 1.0], [1.0, 1.0], [1.0, 2.0], [-1.0, 2.0]];
+        People::new(&Settings { zones: vec![Zone { name: "bed".into(), polygon_m }], ..Settings::default() })
+    }
+
+    fn watch(people: &mut People, from: i64, count: i64) -> PeopleReport {
+        let position = [0.0, 1.5];
+        let seen = Detection { position, covariance: [[0.01, 0.0], [0.0, 0.02]], rgb: [-0.1; 3], significance: 50.0 };
+        let mut report = PeopleReport::default();
+        for k in from..from + count {
+            let next = people.step(0.1 * k as f64, at(k), &[seen]);
+            report.events.extend(next.events);
+            (report.tracks, report.zones) = (next.tracks, next.zones);
+        }
+        report
+    }
+
+    fn kinds(events: &[Event]) -> Vec<(EventKind, u64, u64)> {
+        events.iter().map(|e| (e.kind, e.sequence, e.track)).collect()
+    }
+
+    #[test]
+    fn somebody_enters_and_is_in_the_zone_until_the_room_is_learned_anew() {
+        let mut people = people();
+        let report = watch(&mut people, 0, 10);
+        assert_eq!(kinds(&report.events), [(EventKind::Enter, 0, 1), (EventKind::ZoneEnter, 1, 1)]);
+        assert_eq!((report.events[0].time, report.tracks.len(), report.zones[0].people), (at(0), 1, 1));
+        assert_eq!(people.predictions(1.0).count(), 1);
+        let pause = people.pause(at(30));
+        assert_eq!(kinds(&pause.events), [(EventKind::ZoneExit, 2, 1), (EventKind::Exit, 3, 1)]);
+        assert_eq!((pause.events[1].time, pause.tracks.len(), pause.zones[0].people), (at(9), 0, 0));
+        assert_eq!(watch(&mut people, 31, 10).tracks[0].id, 2);
+    }
+
+    #[test]
+    fn after_another_calibration_ids_and_numbers_go_on() {
+        let (mut before, mut after) = (people(), people());
+        watch(&mut before, 0, 10);
+        after.continue_from(before);
+        let report = watch(&mut after, 10, 10);
+        let expected = [(EventKind::ZoneExit, 2, 1), (EventKind::Exit, 3, 1), (EventKind::Enter, 4, 2)];
+        assert_eq!(kinds(&report.events)[..3], expected);
+    }
+}

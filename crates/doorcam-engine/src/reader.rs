@@ -1,0 +1,240 @@
+use std::ops::Range;
+use std::time::{Duration, Instant};
+
+use crate::{Model, Preprocessing, Settings, SetupError};
+use doorcam_core::calibration::Calibration;
+use doorcam_core::geometry::Side;
+use doorcam_core::light::{CameraRectifier, Decoding, Filter, LightTable, PatchPair, PatchRectifier};
+use doorcam_core::optics::Transfer;
+use doorcam_core::transport::PatchGrid;
+use doorcam_source::image::{ImageDecoder, JpegDepth};
+use doorcam_source::recording::Manifest;
+use doorcam_source::{RawFrame, RawImages, SkippedFrame};
+
+#[derive(Debug, Clone)]
+/// Decodes frames and rectifies them into patch pairs in linear light.
+pub struct FrameReader {
+    decoder: ImageDecoder,
+    table: LightTable,
+    rectifier: Rectifier,
+    patch: PatchGrid,
+}
+
+#[derive(Debug, Clone)]
+enum Rectifier {
+    Patches([PatchRectifier; 2]),
+    Camera(CameraRectifier, Range<usize>),
+}
+
+/// How long reading a frame took.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ReadTimes {
+    /// Decoding the images.
+    pub decode: Duration,
+    /// Rectifying them.
+    pub rectify: Duration,
+}
+
+impl FrameReader {
+    /// For the frames of a recording.
+    pub fn for_recording(settings: &Settings, manifest: &Manifest) -> Result<Self, SetupError> {
+        if let Some(calibration) = manifest.calibration() {
+            return Self::for_calibration(settings, &calibration);
+        }
+        let patch = Model::patch_grid(settings, manifest.fov_m);
+        let filter = match settings.preprocessing {
+            Preprocessing::Published => Filter::Bicubic,
+            Preprocessing::Linear => Filter::Area,
+        };
+        let rectifier = PatchRectifier::new(&patch, manifest.fov_m.unwrap_or(patch.fov_m), filter);
+        Ok(Self::new(settings, &manifest.transfer, Rectifier::Patches([rectifier.clone(), rectifier]), patch))
+    }
+
+    /// For the frames of a calibrated camera.
+    pub fn for_calibration(settings: &Settings, calibration: &Calibration) -> Result<Self, SetupError> {
+        let patch = Model::patch_grid(settings, None);
+        let [width, height] = calibration.size;
+        let camera = CameraRectifier::new(&calibration.doorway, &patch, &calibration.camera()?, (width, height));
+        for (side, seen) in Side::BOTH.into_iter().zip(camera.visible()) {
+            let count = seen.iter().filter(|&&s| s).count();
+            if 2 * count < seen.len() {
+                let (side, all, fov_m) = (side.name(), seen.len(), patch.fov_m);
+                return Err(SetupError::PatchNotSeen { side, seen: count, all, fov_m });
+            }
+        }
+        let rows = camera.rows();
+        Ok(Self::new(settings, calibration.transfer(), Rectifier::Camera(camera, rows), patch))
+    }
+
+    fn new(settings: &Settings, transfer: &Transfer, rectifier: Rectifier, patch: PatchGrid) -> Self {
+        // The authors' numbers come from JPEGs of 8 bits.
+        let (decoding, depth) = match settings.preprocessing {
+            Preprocessing::Published => (Decoding::Published, JpegDepth::Eight),
+            Preprocessing::Linear => (Decoding::Light(transfer.clone()), JpegDepth::Exact),
+        };
+        Self { decoder: ImageDecoder::with_jpegs_of(depth), table: LightTable::new(&decoding), rectifier, patch }
+    }
+
+    /// The patches that it makes.
+    pub fn patch(&self) -> PatchGrid {
+        self.patch
+    }
+
+    /// Per side and pixel, what the camera sees; none if everything is seen.
+    pub fn seen(&self) -> Option<[Vec<bool>; 2]> {
+        match &self.rectifier {
+            Rectifier::Camera(camera, _) => Some(camera.visible()),
+            Rectifier::Patches(_) => None,
+        }
+    }
+
+    /// Decodes and rectifies one frame into `pair`.
+    pub fn read(&mut self, frame: &RawFrame, pair: &mut PatchPair) -> Result<ReadTimes, SkippedFrame> {
+        let skipped = |reason: String| SkippedFrame { name: frame.name.to_string(), reason };
+        let mut times = ReadTimes::default();
+        let mut timed =
+            |slot: fn(&mut ReadTimes) -> &mut Duration, start: Instant| *slot(&mut times) += start.elapsed();
+        let decoder = &mut self.decoder;
+        match (&mut self.rectifier, &frame.images) {
+            (Rectifier::Patches(rectifiers), RawImages::Patches(images)) => {
+                for ((side, rectifier), bytes) in Side::BOTH.into_iter().zip(rectifiers).zip(images) {
+                    let start = Instant::now();
+                    let image = decoder.decode(bytes, None).map_err(|e| SkippedFrame {
+                        name: frame.name.replace("_left.", &format!("_{}.", side.name())),
+                        reason: e.to_string(),
+                    })?;
+                    timed(|t| &mut t.decode, start);
+                    let start = Instant::now();
+                    rectifier.apply(image, &self.table, pair.side_mut(side));
+                    timed(|t| &mut t.rectify, start);
+                }
+            }
+            (Rectifier::Camera(camera, rows), images) => {
+                let start = Instant::now();
+                let image = match images {
+                    RawImages::Camera(bytes) => decoder.decode_rows(bytes, Some(camera.image_size()), rows.clone()),
+                    RawImages::Sensor(format, bytes) => decoder.decode_sensor(format, bytes, rows.clone()),
+                    RawImages::Patches(_) => {
+                        return Err(skipped("a pair of patches, expected a camera's image".into()));
+                    }
+                };
+                let image = image.map_err(|e| skipped(e.to_string()))?;
+                timed(|t| &mut t.decode, start);
+                let start = Instant::now();
+                camera.apply(image, &self.table, pair).map_err(|e| skipped(e.to_string()))?;
+                timed(|t| &mut t.rectify, start);
+            }
+            (Rectifier::Patches(_), RawImages::Camera(_) | RawImages::Sensor(..)) => {
+                return Err(skipped("a camera's image, expected a pair of patches".into()));
+            }
+        }
+        Ok(times)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use doorcam_source::Purpose;
+    use doorcam_source::sensor::{LumaMatrix, SensorFormat, SensorPixels};
+
+    const FORMAT: SensorFormat = SensorFormat {
+        pixels: SensorPixels::Yuyv,
+        width: 600,
+        height: 200,
+        stride: 1200,
+        full_range: true,
+        matrix: LumaMatrix::Bt601,
+    };
+
+    /// A camera that looks straight down: 500 pixels a metre.
+    fn calibration() -> Calibration {
+        serde_json::from_str(
+            r#"{"size": [600, 200], "doorway": {"width_m": 0.6, "wall_thickness_m": 0.1}, "transfer": "linear",
+                "floor_points": [{"pixel": [50, 20], "floor_m": [-0.5, -0.1]}, {"pixel": [550, 20], "floor_m": [0.5, -0.1]},
+                    {"pixel": [550, 170], "floor_m": [0.5, -0.4]}, {"pixel": [50, 170], "floor_m": [-0.5, -0.4]}]}"#,
+        )
+        .unwrap()
+    }
+
+    fn frame(images: RawImages) -> RawFrame {
+        RawFrame { index: None, purpose: Purpose::Live, seconds: 0.0, images, time: None, name: "camera".into() }
+    }
+
+    #[test]
+    fn raw_and_encoded_frames_of_one_scene_agree() {
+        let mut reader = FrameReader::for_calibration(&Settings::default(), &calibration()).unwrap();
+        // Luma grows along the rows, no colour.
+        let raw: Vec<u8> = (0..1200 * 200).map(|k| if k % 2 == 0 { (k % 1200 / 8 + 50) as u8 } else { 128 }).collect();
+        let grey = raw.chunks(2).flat_map(|pair| [pair[0]; 3]).collect();
+        let buffer = image::ImageBuffer::from_raw(600, 200, grey).unwrap();
+        let mut png = std::io::Cursor::new(Vec::new());
+        image::DynamicImage::ImageRgb8(buffer).write_to(&mut png, image::ImageFormat::Png).unwrap();
+
+        let (mut from_raw, mut from_png) = (PatchPair::zeros(64), PatchPair::zeros(64));
+        reader.read(&frame(RawImages::Sensor(FORMAT, Arc::new(raw))), &mut from_raw).unwrap();
+        reader.read(&frame(RawImages::Camera(Arc::new(png.into_inner()))), &mut from_png).unwrap();
+        for side in Side::BOTH {
+            let pairs = from_raw.side(side).data().iter().zip(from_png.side(side).data());
+            assert!(pairs.clone().all(|(a, b)| (a - b).abs() < 2e-5 && *a > 0.1));
+        }
+    }
+
+    #[test]
+    fn jpegs_are_measured_exactly_but_by_the_published_preset_with_8_bits() {
+        // A floor of one colour that no 8-bit red, green and blue have.
+        let pixels = [101, 119, 133].repeat(600 * 200);
+        let mut jpeg = Vec::new();
+        let encoder = jpeg_encoder::Encoder::new(&mut jpeg, 100);
+        encoder.encode(&pixels, 600, 200, jpeg_encoder::ColorType::Ycbcr).unwrap();
+        let jpeg = Arc::new(jpeg);
+        let (red, blue) = (101.0 + 1.402 * 5.0, 101.0 - 1.772 * 9.0);
+        let rgb = [red, (101.0 - 0.299 * red - 0.114 * blue) / 0.587, blue];
+
+        for (settings, light) in [
+            (Settings::default(), rgb.map(|v| v / 255.0)),
+            (Settings::published(), rgb.map(|v: f64| v.round() / 256.0)),
+        ] {
+            let mut reader = FrameReader::for_calibration(&settings, &calibration()).unwrap();
+            let mut pair = PatchPair::zeros(reader.patch().size);
+            reader.read(&frame(RawImages::Camera(Arc::clone(&jpeg))), &mut pair).unwrap();
+            for (channel, light) in light.into_iter().enumerate() {
+                let plane = pair.side(Side::Left).plane(channel);
+                assert!(
+                    plane.iter().all(|&v| (f64::from(v) - light).abs() < 1e-5),
+                    "{:?} {channel}",
+                    settings.preprocessing
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_frame_that_is_not_whole_or_not_this_cameras_is_skipped_with_a_reason() {
+        let mut reader = FrameReader::for_calibration(&Settings::default(), &calibration()).unwrap();
+        let mut reason = |images| {
+            let skipped = reader.read(&frame(images), &mut PatchPair::zeros(64)).expect_err("skipped");
+            skipped.to_string()
+        };
+        assert_eq!(
+            reason(RawImages::Sensor(FORMAT, Arc::new(vec![0; 239_999]))),
+            "camera: the raw frame has 239999 bytes, expected at least 240000"
+        );
+        let small = SensorFormat { width: 2, height: 2, stride: 4, ..FORMAT };
+        assert_eq!(
+            reason(RawImages::Sensor(small, Arc::new(vec![0; 8]))),
+            "camera: the image has 2 x 2 pixels, expected 600 x 200"
+        );
+        let jpeg = include_bytes!("../../doorcam-source/src/testdata/grey16.jpg");
+        assert_eq!(
+            reason(RawImages::Camera(Arc::new(jpeg.to_vec()))),
+            "camera: the image has 16 x 16 pixels, expected 600 x 200"
+        );
+        assert_eq!(
+            reason(RawImages::Camera(Arc::new(jpeg[..300].to_vec()))),
+            "camera: broken JPEG: cut off before its end marker"
+        );
+    }
+}

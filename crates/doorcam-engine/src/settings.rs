@@ -1,0 +1,180 @@
+//! What an engine can be told: plain values with the defaults of the program.
+
+use doorcam_core::geometry::{GridSpec, Point};
+use doorcam_core::light::Averaging;
+use doorcam_core::optics::{Lens, Transfer};
+use doorcam_core::scene::Brightness;
+use doorcam_core::solver::{Lambda, ModelKind};
+use doorcam_core::tracking::likelihood::MOST_PEOPLE;
+use doorcam_core::tracking::{Dwelling, TrackerSettings, Zone};
+use doorcam_core::transport::Kernel;
+
+/// Everything that decides how frames become updates, apart from the doorway and the camera. Whoever fills it in answers for
+/// its values: an engine checks what depends on the doorway, no more.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// How images become light on the patches.
+    pub preprocessing: Preprocessing,
+    /// The hidden room and the facets in it.
+    pub grid: GridSpec,
+    /// The floor patches.
+    pub patch: PatchSettings,
+    /// Falloff law of the transport.
+    pub kernel: Kernel,
+    /// Height of the facets, in metres.
+    pub facet_height_m: f64,
+    /// The inverse problem.
+    pub solver: SolverSettings,
+    /// t of eq. 15, relative to the largest |c|.
+    pub unified_threshold: f64,
+    /// Which brightness figures show.
+    pub brightness: Brightness,
+    /// Averaging of frames in time.
+    pub averaging: AveragingSettings,
+    /// How the picture of the empty room is learned and followed.
+    pub background: BackgroundSettings,
+    /// How people are followed.
+    pub tracker: TrackerSettings,
+    /// When somebody dwells.
+    pub dwelling: Dwelling,
+    /// Parts of the room that have names.
+    pub zones: Vec<Zone>,
+    /// The lens of cameras whose calibration does not tell.
+    pub lens: Option<Lens>,
+    /// The transfer function of cameras whose calibration does not tell.
+    pub transfer: Transfer,
+}
+
+/// How images become light on the patches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Preprocessing {
+    /// The transfer function undone, JPEGs decoded exactly, each pixel the mean over its square of floor.
+    Linear,
+    /// As the authors' program does it: codes taken for light, JPEGs of 8 bits, bicubic resampling, pixels on the patch's border.
+    Published,
+}
+
+/// The floor patches.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PatchSettings {
+    /// Side of the square of floor that is used, in metres; less if a recording shows less.
+    pub fov_m: f64,
+    /// Pixels along each side.
+    pub pixels: usize,
+    /// Parts of the floor that do not count: two opposite corners each, in the door frame, in metres.
+    pub exclude: Vec<[Point; 2]>,
+}
+
+/// The inverse problem, eq. 13.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolverSettings {
+    /// Which changes a facet may show.
+    pub model: ModelKind,
+    /// Weight of the penalty.
+    pub lambda: Lambda,
+    /// Automatic λ: times what the empty room's noise reaches in one frame of a thousand.
+    pub lambda_factor: f64,
+    /// Automatic λ: at least this share of the smallest λ with an empty map.
+    pub lambda_share: f64,
+    /// Steps that a frame may take.
+    pub max_steps: usize,
+}
+
+/// Averaging of frames in time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AveragingSettings {
+    /// How.
+    pub mode: Averaging,
+    /// Over how many seconds.
+    pub time_s: f64,
+}
+
+/// How the picture of the empty room is learned and followed. Times are in seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BackgroundSettings {
+    /// Time of stillness from which it is learned at the start.
+    pub learn_s: f64,
+    /// Time after which the picture that came back most often is taken, stillness or not.
+    pub learn_max_s: f64,
+    /// Time of stillness after a change of the light.
+    pub relearn_s: f64,
+    /// Time constant of following slow changes.
+    pub adapt_s: f64,
+    /// Time after which what does not move is part of the room; 0 for never.
+    pub absorb_s: f64,
+    /// Time between two set-ups of the problem, at most.
+    pub rebuild_s: f64,
+    /// Share of the light by which it must change at once to count as another light.
+    pub light_step: f64,
+    /// Time between two savings.
+    pub save_s: f64,
+    /// Age up to which a saved background is used.
+    pub keep_s: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let grid = GridSpec::published();
+        Self {
+            preprocessing: Preprocessing::Linear,
+            grid,
+            patch: PatchSettings { fov_m: 0.3, pixels: 64, exclude: Vec::new() },
+            kernel: Kernel::Radiometric,
+            facet_height_m: 2.0,
+            solver: SolverSettings {
+                model: ModelKind::Signed,
+                lambda: Lambda::Auto,
+                lambda_factor: 1.0,
+                lambda_share: 0.2,
+                max_steps: 400,
+            },
+            unified_threshold: 0.07,
+            brightness: Brightness::Measured,
+            averaging: AveragingSettings { mode: Averaging::None, time_s: 0.5 },
+            background: BackgroundSettings::default(),
+            tracker: TrackerSettings {
+                room: grid.room,
+                margin_m: 0.2,
+                body_radius_m: 0.2,
+                confirm_s: 0.4,
+                coast_s: 1.5,
+                max_people: MOST_PEOPLE,
+            },
+            dwelling: Dwelling { seconds: 10.0, radius_m: 0.4 },
+            zones: Vec::new(),
+            lens: None,
+            transfer: Transfer::Srgb,
+        }
+    }
+}
+
+impl Default for BackgroundSettings {
+    fn default() -> Self {
+        Self {
+            learn_s: 5.0,
+            learn_max_s: 30.0,
+            relearn_s: 2.0,
+            adapt_s: 60.0,
+            absorb_s: 1800.0,
+            rebuild_s: 300.0,
+            light_step: 0.02,
+            save_s: 600.0,
+            keep_s: 43_200.0,
+        }
+    }
+}
+
+impl Settings {
+    /// The authors' program: its preprocessing, 0.15 m patches, kernel, model, grid and brightness, λ = 0.05.
+    pub fn published() -> Self {
+        let settings = Self::default();
+        Self {
+            preprocessing: Preprocessing::Published,
+            patch: PatchSettings { fov_m: 0.15, ..settings.patch },
+            kernel: Kernel::Published,
+            solver: SolverSettings { model: ModelKind::Published, ..settings.solver },
+            brightness: Brightness::Shrunk,
+            ..settings
+        }
+    }
+}

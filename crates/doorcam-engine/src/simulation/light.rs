@@ -1,0 +1,410 @@
+use std::f64::consts::PI;
+
+use rayon::prelude::*;
+
+use super::figure::{Figure, Part};
+use super::floor::{FloorMap, FloorNode, Tap};
+use super::lamp::{Lamp, below};
+use super::room::{Shell, Taps};
+use super::scenario::Scenario;
+use doorcam_core::geometry::{Doorway, Point};
+use doorcam_core::quadrature::Quadrature;
+use doorcam_core::scene::Rgb;
+
+/// Azimuths a radian and elevations a surface of the sums over what does not move.
+const AZIMUTHS: f64 = 45.0;
+const ELEVATIONS: usize = 14;
+/// Nodes for each interval of azimuth in which a ray meets the same people; elevations of what they hide and show.
+const NODES: usize = 4;
+const STEPS: usize = 3;
+/// A lamp seen from the floor is at least this large in radians, the step of a fan's angle: a smaller one would show the steps.
+const LEAST_LAMP: f64 = 0.012;
+
+/// The light of a hidden room on the floor, with people or without.
+///
+/// E(p) = Σ lamps seen + ∫∫ L cos ϑ dω over what is seen through the opening, L = albedo / π · E of the surface. A surface's E is
+/// the lamps' direct light, in which people throw shadows, and an ambient one for everything that bounced before: the flux of
+/// the lamps spread evenly, ρ Φ / (S (1 − ρ)), ρ the mean albedo, S the area of the room.
+///
+/// What does not move is summed once: the transport from each texel to each floor node, and each lamp's light in the empty
+/// room. A frame adds what people change: texels in their shadows, lamps that they hide, and the wedges of azimuth in which they
+/// are seen instead of what is behind them.
+#[derive(Debug, Clone)]
+pub(super) struct RoomLight {
+    doorway: Doorway,
+    shell: Shell,
+    lamps: Vec<Lamp>,
+    floor: FloorMap,
+    /// Row by row, a node each: light per radiance of each texel.
+    transport: Vec<f32>,
+    /// Per lamp, texel by texel: irradiance for an intensity of 1 without people.
+    direct: Vec<Vec<f64>>,
+    /// Per lamp: the ambient irradiance.
+    ambient: Vec<Rgb>,
+    /// Per lamp, node by node: all of its light in the empty room.
+    empty: Vec<Vec<Rgb>>,
+    /// Per lamp, node by node: its direct light for an intensity of 1.
+    seen: Vec<Vec<f64>>,
+    rule: Quadrature,
+    /// The nodes that somebody looks at.
+    needed: Vec<bool>,
+}
+
+impl RoomLight {
+    pub(super) fn new(scenario: &Scenario) -> Self {
+        let doorway = scenario.doorway;
+        let shell = Shell::new(&scenario.room, &scenario.panel);
+        let lamps: Vec<Lamp> = scenario.lamp.iter().map(Lamp::new).collect();
+        let floor = FloorMap::new(doorway);
+        let direct =
+            lamps.iter().map(|l| shell.texels.iter().map(|t| l.irradiance(t.centre, t.normal)).collect()).collect();
+        let ambient = lamps.iter().map(|lamp| ambient(lamp, &shell, scenario)).collect();
+        let count = shell.texels.len();
+        let mut light = Self {
+            transport: vec![0.0; floor.nodes.len() * count],
+            doorway,
+            shell,
+            lamps,
+            floor,
+            direct,
+            ambient,
+            empty: Vec::new(),
+            seen: Vec::new(),
+            rule: Quadrature::new(NODES),
+            needed: Vec::new(),
+        };
+        light.needed = vec![true; light.floor.nodes.len()];
+        let mut transport = std::mem::take(&mut light.transport);
+        transport.par_chunks_mut(count).zip(&light.floor.nodes).for_each(|(row, node)| light.sum_transport(node, row));
+        light.transport = transport;
+        light.seen =
+            light.lamps.iter().map(|l| light.floor.nodes.iter().map(|n| light.sees_lamp(n, l)).collect()).collect();
+        light.empty = (0..light.lamps.len()).map(|lamp| light.of_lamp(lamp, scenario.room.albedo.front)).collect();
+        light
+    }
+
+    pub(super) fn floor(&self) -> &FloorMap {
+        &self.floor
+    }
+
+    /// From now on people change only the light at these places: nobody looks at others.
+    pub(super) fn look_only_at(&mut self, places: impl Iterator<Item = Tap>) {
+        self.needed = self.floor.nodes_of(places);
+    }
+
+    /// The light on the floor with each lamp at its level, as [`FloorMap::refine`] has it.
+    pub(super) fn light(&self, levels: &[f64], mut people: Vec<Figure>) -> Vec<[f32; 3]> {
+        let mut nodes: Vec<Rgb> = vec![[0.0; 3]; self.floor.nodes.len()];
+        for (empty, level) in self.empty.iter().zip(levels) {
+            for (node, empty) in nodes.iter_mut().zip(empty) {
+                (0..3).for_each(|c| node[c] += level * empty[c]);
+            }
+        }
+        people.retain(|figure| self.is_near(figure));
+        if !people.is_empty() {
+            self.light_people(levels, &mut people);
+            let radiance = self.radiance(levels, &people);
+            let needed = nodes.par_iter_mut().enumerate().filter(|(k, _)| self.needed[*k]);
+            needed.for_each_init(Hits::default, |hits, (k, node)| {
+                let change = self.change(k, levels, &people, &radiance, hits);
+                (0..3).for_each(|c| node[c] += change[c]);
+            });
+        }
+        self.floor.refine(&nodes)
+    }
+
+    /// Whether any of it is in the room.
+    fn is_near(&self, figure: &Figure) -> bool {
+        let Part { centre: [x, y], radius, .. } = figure.parts[0];
+        x.abs() < self.shell.half_width + radius && (0.0..self.shell.depth + radius).contains(&y)
+    }
+
+    fn light_people(&self, levels: &[f64], people: &mut [Figure]) {
+        let parts: Vec<[Part; 2]> = people.iter().map(|p| p.parts).collect();
+        let ambient = self.ambient_at(levels);
+        for (k, figure) in people.iter_mut().enumerate() {
+            let others: Vec<Part> =
+                parts.iter().enumerate().filter(|(other, _)| *other != k).flat_map(|(_, parts)| *parts).collect();
+            figure.light(&self.lamps, levels, ambient, &others);
+        }
+    }
+
+    fn ambient_at(&self, levels: &[f64]) -> Rgb {
+        [0, 1, 2].map(|c| self.ambient.iter().zip(levels).map(|(ambient, level)| level * ambient[c]).sum())
+    }
+
+    /// Radiance of the walls and ceiling, people's shadows included, and the texels that are in shadow with what they lack.
+    fn radiance(&self, levels: &[f64], people: &[Figure]) -> Radiance {
+        let ambient = self.ambient_at(levels);
+        let both: Vec<(Rgb, Rgb)> = self
+            .shell
+            .texels
+            .par_iter()
+            .enumerate()
+            .map(|(k, texel)| {
+                let (mut light, mut lacks) = (ambient, [0.0; 3]);
+                for ((lamp, direct), level) in self.lamps.iter().zip(&self.direct).zip(levels) {
+                    let direct = level * direct[k];
+                    if direct > 0.0 {
+                        let parts = people.iter().flat_map(|p| &p.parts);
+                        let hidden = lamp.hidden_by(texel.centre, texel.half, parts);
+                        (0..3).for_each(|c| {
+                            light[c] += lamp.intensity[c] * direct * (1.0 - hidden);
+                            lacks[c] += lamp.intensity[c] * direct * hidden;
+                        });
+                    }
+                }
+                let shine = |light: Rgb| [0, 1, 2].map(|c| texel.albedo[c] / PI * light[c]);
+                (shine(light), shine(lacks))
+            })
+            .collect();
+        let shadows = both.iter().enumerate().filter(|(_, (_, lacks))| lacks.iter().any(|&l| l > 0.0));
+        Radiance {
+            shadows: shadows.map(|(k, (_, [r, g, b]))| (k, [*r as f32, *g as f32, *b as f32, 0.0])).collect(),
+            texels: both.iter().map(|(light, _)| *light).collect(),
+        }
+    }
+
+    /// What people change at a node.
+    fn change(&self, k: usize, levels: &[f64], people: &[Figure], radiance: &Radiance, hits: &mut Hits) -> Rgb {
+        let node = &self.floor.nodes[k];
+        let row = &self.transport[k * self.shell.texels.len()..][..self.shell.texels.len()];
+        let mut lacks = [0.0_f32; 4];
+        for (texel, shadow) in &radiance.shadows {
+            let weight = row[*texel];
+            (0..4).for_each(|c| lacks[c] += weight * shadow[c]);
+        }
+        let mut change = [0, 1, 2].map(|c| -f64::from(lacks[c]));
+        for ((lamp, seen), level) in self.lamps.iter().zip(&self.seen).zip(levels) {
+            let direct = level * seen[k];
+            if direct > 0.0 {
+                let parts = people.iter().flat_map(|p| &p.parts);
+                let hidden = direct * lamp.hidden_by([node.at[0], node.at[1], 0.0], 0.005, parts);
+                (0..3).for_each(|c| change[c] -= lamp.intensity[c] * hidden);
+            }
+        }
+        self.add_people(node, people, radiance, hits, &mut change);
+        change
+    }
+
+    /// Adds what people show and takes away what they hide, wedge of azimuth by wedge of azimuth.
+    fn add_people(&self, node: &FloorNode, people: &[Figure], radiance: &Radiance, hits: &mut Hits, light: &mut Rgb) {
+        let [first, last] = node.azimuths;
+        let Hits { breaks, met } = hits;
+        breaks.clear();
+        for part in people.iter().flat_map(|p| &p.parts) {
+            let [from, to] = part.outline(node.at).unwrap_or([first, last]);
+            if from < last && to > first {
+                breaks.extend([from.max(first), to.min(last)]);
+            }
+        }
+        breaks.sort_by(f64::total_cmp);
+        for pair in breaks.windows(2).filter(|pair| pair[1] - pair[0] > 1e-9) {
+            let middle = direction((pair[0] + pair[1]) / 2.0);
+            if !people.iter().any(|p| p.parts[0].meet(node.at, middle).is_some()) {
+                continue;
+            }
+            for (phi, width) in self.rule.over(pair[0], pair[1]) {
+                let ray = direction(phi);
+                let change = self.column(node, ray, people, radiance, met);
+                let weight = width * node.weight(ray);
+                (0..3).for_each(|c| light[c] += weight * change[c]);
+            }
+        }
+    }
+
+    /// ∫ ΔL sin ε cos ε dε = ½ ∫ ΔL ds, s = sin² ε, over one azimuth.
+    fn column(&self, node: &FloorNode, ray: Point, people: &[Figure], radiance: &Radiance, met: &mut Vec<Met>) -> Rgb {
+        let wall = self.shell.wall(node.at, ray);
+        met.clear();
+        for (who, figure) in people.iter().enumerate() {
+            for (part, cylinder) in figure.parts.iter().enumerate() {
+                // Who is behind the wall is not in the room.
+                if let Some(distance) = cylinder.meet(node.at, ray).filter(|&d| d < wall.distance) {
+                    met.push(Met { who, part, distance, s: sine_squared(cylinder.top, distance) });
+                }
+            }
+        }
+        met.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+        let open = self.open(node, ray);
+        let mut covered = 0.0;
+        let mut light = [0.0; 3];
+        for &Met { who, part, distance, s } in met.iter() {
+            let top = s.min(open);
+            if top <= covered {
+                continue;
+            }
+            let at = [node.at[0] + distance * ray[0], node.at[1] + distance * ray[1]];
+            let figure = &people[who];
+            let Part { centre, radius, .. } = figure.parts[part];
+            let normal = [(at[0] - centre[0]) / radius, (at[1] - centre[1]) / radius];
+            let column = figure.column(part, normal);
+            let step = (top - covered) / STEPS as f64;
+            for j in 0..STEPS {
+                let s = covered + (j as f64 + 0.5) * step;
+                let shown = column.at(distance * (s / (1.0 - s)).sqrt());
+                (0..3).for_each(|c| light[c] += 0.5 * step * shown[c]);
+            }
+            covered = top;
+        }
+        let edge = sine_squared(self.shell.height, wall.distance).min(covered);
+        for (from, to) in [(0.0, edge), (edge, covered)] {
+            let step = (to - from) / STEPS as f64;
+            if step <= 0.0 {
+                continue;
+            }
+            for j in 0..STEPS {
+                let taps = self.shell.taps(node.at, ray, &wall, from + (j as f64 + 0.5) * step);
+                let hidden = radiance.at(&taps);
+                (0..3).for_each(|c| light[c] -= 0.5 * step * hidden[c]);
+            }
+        }
+        light
+    }
+
+    /// sin² of the elevation up to which the opening is free.
+    fn open(&self, node: &FloorNode, ray: Point) -> f64 {
+        match self.doorway.height_m {
+            height if node.at[1] < 0.0 => {
+                // Without a lintel the opening ends at the ceiling: what is above it is the visible side's.
+                let height = height.unwrap_or(f64::INFINITY).min(self.shell.height);
+                sine_squared(height, -node.at[1] / ray[1])
+            }
+            _ => 1.0,
+        }
+    }
+
+    /// Light at a node per radiance of each texel.
+    fn sum_transport(&self, node: &FloorNode, row: &mut [f32]) {
+        let [first, last] = node.azimuths;
+        if last <= first {
+            return;
+        }
+        let count = ((last - first) * AZIMUTHS).ceil().max(8.0) as usize;
+        let width = (last - first) / count as f64;
+        for k in 0..count {
+            let ray = direction(first + (k as f64 + 0.5) * width);
+            let wall = self.shell.wall(node.at, ray);
+            let open = self.open(node, ray);
+            let edge = sine_squared(self.shell.height, wall.distance).min(open);
+            let weight = node.weight(ray);
+            for (from, to) in [(0.0, edge), (edge, open)] {
+                let step = (to - from) / ELEVATIONS as f64;
+                for j in 0..ELEVATIONS {
+                    let taps = self.shell.taps(node.at, ray, &wall, from + (j as f64 + 0.5) * step);
+                    for (texel, share) in taps {
+                        row[texel] += (weight * width * 0.5 * step * share) as f32;
+                    }
+                }
+            }
+        }
+    }
+
+    /// A lamp's direct light at a node of the floor, for an intensity of 1: what the edges and the lintel leave of it.
+    fn sees_lamp(&self, node: &FloorNode, lamp: &Lamp) -> f64 {
+        let [first, last] = node.azimuths;
+        let to_lamp = [lamp.at[0] - node.at[0], lamp.at[1] - node.at[1]];
+        let range = to_lamp[0].hypot(to_lamp[1]).max(1e-6);
+        let (azimuth, size) = (to_lamp[0].atan2(to_lamp[1]), (lamp.radius / range).max(LEAST_LAMP));
+        let between = below((last - azimuth) / size) - below((first - azimuth) / size);
+        let ray = to_lamp.map(|d| d / range);
+        let under = match self.doorway.height_m {
+            Some(height) if node.at[1] < 0.0 => {
+                let share = -node.at[1] / to_lamp[1];
+                below((height - lamp.at[2] * share) / (lamp.radius * share).max(1e-3))
+            }
+            _ => 1.0,
+        };
+        let place = [node.at[0], node.at[1], 0.0];
+        node.weight(ray) * between.max(0.0) * under * lamp.irradiance(place, [0.0, 0.0, 1.0])
+    }
+
+    /// All light of one lamp in the empty room.
+    fn of_lamp(&self, lamp: usize, front: Rgb) -> Vec<Rgb> {
+        let (intensity, ambient) = (self.lamps[lamp].intensity, self.ambient[lamp]);
+        let texels = self.shell.texels.iter().zip(&self.direct[lamp]);
+        let radiance: Vec<Rgb> = texels
+            .map(|(t, direct)| [0, 1, 2].map(|c| t.albedo[c] / PI * (intensity[c] * direct + ambient[c])))
+            .collect();
+        let of_node = |(k, row): (usize, &[f32])| {
+            let mut light = intensity.map(|i| i * self.seen[lamp][k]);
+            for (weight, radiance) in row.iter().zip(&radiance) {
+                (0..3).for_each(|c| light[c] += f64::from(*weight) * radiance[c]);
+            }
+            if self.floor.is_inside(k) {
+                // Half of what such a point sees is the doorway's wall, which only ambient light reaches.
+                (0..3).for_each(|c| light[c] += front[c] * ambient[c] / 2.0);
+            }
+            light
+        };
+        self.transport.par_chunks(radiance.len()).enumerate().map(of_node).collect()
+    }
+}
+
+/// What walls and ceiling shine.
+struct Radiance {
+    texels: Vec<Rgb>,
+    /// Texels in somebody's shadow, and what they would shine more without it.
+    /// The fourth number is 0: four are quicker to add than three.
+    shadows: Vec<(usize, [f32; 4])>,
+}
+
+impl Radiance {
+    fn at(&self, taps: &Taps) -> Rgb {
+        let mut light = [0.0; 3];
+        for &(texel, share) in taps {
+            let radiance = self.texels[texel];
+            (0..3).for_each(|c| light[c] += share * radiance[c]);
+        }
+        light
+    }
+}
+
+/// Lists that are used again node after node.
+#[derive(Default)]
+struct Hits {
+    breaks: Vec<f64>,
+    met: Vec<Met>,
+}
+
+/// A part of a person that a ray meets.
+struct Met {
+    who: usize,
+    part: usize,
+    distance: f64,
+    /// sin² of the elevation of its top.
+    s: f64,
+}
+
+/// ρ Φ / (S (1 − ρ)): the doorway gives nothing back.
+fn ambient(lamp: &Lamp, shell: &Shell, scenario: &Scenario) -> Rgb {
+    let Shell { half_width, depth, height, .. } = *shell;
+    let front = 2.0 * half_width * height;
+    let opening = scenario.doorway.width_m * scenario.doorway.height_m.unwrap_or(height).min(height);
+    let floor = 2.0 * half_width * depth;
+    let texels: f64 = shell.texels.iter().map(|t| 4.0 * t.half * t.half).sum();
+    let area = texels + floor + front;
+    let albedo = &scenario.room.albedo;
+    [0, 1, 2].map(|c| {
+        let reflected = shell.texels.iter().map(|t| 4.0 * t.half * t.half * t.albedo[c]).sum::<f64>()
+            + floor * albedo.floor[c]
+            + (front - opening) * albedo.front[c];
+        let mean = reflected / area;
+        mean * lamp.flux() * lamp.intensity[c] / (area * (1.0 - mean).max(0.05))
+    })
+}
+
+fn direction(phi: f64) -> Point {
+    let (sine, cosine) = phi.sin_cos();
+    [sine, cosine]
+}
+
+/// sin² of the elevation of what is so high at that distance.
+fn sine_squared(height: f64, distance: f64) -> f64 {
+    let h2 = height * height;
+    h2 / (distance * distance + h2)
+}
+
+#[cfg(test)]
+#[path = "light_tests.rs"]
+mod tests;

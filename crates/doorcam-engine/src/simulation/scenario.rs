@@ -1,0 +1,471 @@
+use std::path::Path;
+
+use rust_embed::Embed;
+use serde::Deserialize;
+
+use super::Walk;
+use doorcam_core::geometry::Doorway;
+use doorcam_core::optics::Transfer;
+use doorcam_core::scene::Rgb;
+use doorcam_source::recording::Layout;
+
+/// A scenario that cannot be used: one line that names the file, the line or key, and what was expected.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{0}")]
+pub struct ScenarioError(String);
+
+/// The scenarios that come with doorcam.
+#[derive(Embed)]
+#[folder = "scenarios/"]
+struct Library;
+
+/// All that a simulated recording shows. docs/simulator.md describes each key.
+///
+/// Lengths are in metres in the door frame, times in seconds; those of walks, switches and exposures count from the end of the
+/// empty time. Light is in relative units: the camera's level sets the scale.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// What it shows, for people.
+    pub description: String,
+    /// Frames a second.
+    pub fps: f64,
+    /// So long, from the start on, nobody is there.
+    pub background_s: f64,
+    /// Length of a round, the empty time included; a loop begins again after it.
+    pub duration_s: f64,
+    /// The doorway.
+    pub doorway: Doorway,
+    /// The hidden room.
+    pub room: RoomSpec,
+    /// What hangs on the walls; a later one covers an earlier one.
+    #[serde(default)]
+    pub panel: Vec<PanelSpec>,
+    /// The lamps of the hidden room.
+    pub lamp: Vec<LampSpec>,
+    /// Who walks there.
+    #[serde(default)]
+    pub person: Vec<PersonSpec>,
+    /// Light of the visible side.
+    pub visible: VisibleSpec,
+    /// The floor.
+    #[serde(default)]
+    pub floor: FloorSpec,
+    /// The camera.
+    pub camera: CameraSpec,
+    /// Lamps that flicker with the mains; none if they do not.
+    #[serde(default)]
+    pub flicker: Option<FlickerSpec>,
+}
+
+/// `[room]`
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RoomSpec {
+    /// The room is |x| < half_width_m.
+    pub half_width_m: f64,
+    /// It is 0 < y < depth_m.
+    pub depth_m: f64,
+    /// Height of the ceiling.
+    pub ceiling_m: f64,
+    /// What its surfaces reflect.
+    pub albedo: RoomAlbedo,
+}
+
+/// `[room.albedo]`: red, green, blue, 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RoomAlbedo {
+    /// The wall at x = −half_width_m.
+    pub left: Rgb,
+    /// The wall at y = depth_m.
+    pub back: Rgb,
+    /// The wall at x = half_width_m.
+    pub right: Rgb,
+    /// The doorway's wall, from within.
+    pub front: Rgb,
+    /// The floor of the room.
+    pub floor: Rgb,
+    /// The ceiling.
+    pub ceiling: Rgb,
+}
+
+/// A wall that panels hang on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum WallName {
+    /// At x = −half_width_m.
+    Left,
+    /// At y = depth_m.
+    Back,
+    /// At x = half_width_m.
+    Right,
+}
+
+/// `[[panel]]`: a painted rectangle on a wall.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PanelSpec {
+    /// The wall.
+    pub wall: WallName,
+    /// From where to where along it: x on the back wall, y on a side wall.
+    pub along_m: [f64; 2],
+    /// From where to where above the floor.
+    pub up_m: [f64; 2],
+    /// What it reflects.
+    pub albedo: Rgb,
+}
+
+/// Kind of a lamp.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LampKind {
+    /// A sphere that shines evenly.
+    Bulb,
+    /// A disc that shines downwards by Lambert's law.
+    Panel,
+}
+
+/// `[[lamp]]`
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LampSpec {
+    /// What it is.
+    pub kind: LampKind,
+    /// Its centre.
+    pub at_m: [f64; 3],
+    /// Its radius: how soft shadows are.
+    pub radius_m: f64,
+    /// Radiant intensity in relative units, of a panel straight down.
+    pub rgb: Rgb,
+    /// Times and the level from then on, 1 before the first: 0 is off.
+    #[serde(default)]
+    pub switch: Vec<(f64, f64)>,
+}
+
+/// `[[person]]`
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PersonSpec {
+    /// Radius of the body.
+    #[serde(default = "usual_radius")]
+    pub radius_m: f64,
+    /// Height with the head.
+    #[serde(default = "usual_height")]
+    pub height_m: f64,
+    /// What the body reflects.
+    pub clothes: Rgb,
+    /// What the head reflects.
+    #[serde(default = "usual_skin")]
+    pub skin: Rgb,
+    /// Waypoints [seconds, x, y]; a person is only there from the first to the last.
+    pub walk: Vec<(f64, f64, f64)>,
+    /// The walk begins again after so many seconds; without it, it is gone once.
+    #[serde(default)]
+    pub repeat_s: Option<f64>,
+}
+
+/// `[visible]`: the light that reaches the floor from the camera's side.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VisibleSpec {
+    /// Its share of the light on the floor beside the edges, the room being empty: 0 to below 1.
+    pub share: f64,
+    /// Its colour.
+    #[serde(default = "white")]
+    pub rgb: Rgb,
+    /// By which part of itself it rises and falls.
+    #[serde(default)]
+    pub drift: f64,
+    /// How long that takes.
+    #[serde(default = "minute")]
+    pub drift_period_s: f64,
+}
+
+/// `[floor]`: what the camera looks at.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FloorSpec {
+    /// What it reflects on average.
+    pub albedo: Rgb,
+    /// Standard deviation of its speckle, relative to the albedo.
+    pub speckle: f64,
+    /// Size of a speckle.
+    pub grain_m: f64,
+}
+
+impl Default for FloorSpec {
+    fn default() -> Self {
+        Self { albedo: [0.6, 0.6, 0.6], speckle: 0.0, grain_m: 0.004 }
+    }
+}
+
+/// What a simulated camera delivers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FrameFormat {
+    /// JPEG files.
+    Jpeg,
+    /// PNG files of 8 bits.
+    Png,
+    /// Raw pixels, as a webcam's uncompressed format; recorded as PNG.
+    Rgb,
+}
+
+/// `[camera]`
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraSpec {
+    /// "camera": its picture; "patches": rectified squares of floor in linear light of 16 bits, which no camera gives.
+    #[serde(default = "camera_layout")]
+    pub layout: Layout,
+    /// Where it is.
+    pub at_m: [f64; 3],
+    /// The point of the floor in the middle of its picture.
+    pub look_at_m: [f64; 2],
+    /// What its picture's width spans, in degrees.
+    pub field_of_view_deg: f64,
+    /// By how much it is turned clockwise about its line of sight, in degrees.
+    #[serde(default)]
+    pub roll_deg: f64,
+    /// Width and height in pixels; of patches, the width.
+    #[serde(default = "usual_size")]
+    pub size: [usize; 2],
+    /// Side of the squares of layout "patches".
+    #[serde(default = "usual_fov")]
+    pub fov_m: f64,
+    /// Mean light of the floor beside the edges, the room being empty, relative to full scale.
+    #[serde(default = "usual_level")]
+    pub level: f64,
+    /// Times and the factor of the exposure from then on, 1 before the first.
+    #[serde(default)]
+    pub exposure: Vec<(f64, f64)>,
+    /// Electrons of a pixel at full scale: photon noise.
+    #[serde(default = "usual_electrons")]
+    pub full_scale_electrons: f64,
+    /// Standard deviation of a pixel's read noise, in electrons.
+    #[serde(default = "usual_read")]
+    pub read_electrons: f64,
+    /// From light to codes.
+    #[serde(default = "srgb")]
+    pub transfer: Transfer,
+    /// What it delivers.
+    #[serde(default = "jpeg")]
+    pub format: FrameFormat,
+    /// Quality of JPEGs.
+    #[serde(default = "usual_quality")]
+    pub quality: u8,
+}
+
+/// `[flicker]`: lamps on the mains brighten twice a period.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlickerSpec {
+    /// The mains' frequency.
+    pub mains_hz: f64,
+    /// By which part of itself the hidden light rises and falls.
+    pub hidden: f64,
+    /// By which part of itself the visible side's light rises and falls.
+    pub visible: f64,
+    /// How long a row of pixels gathers light.
+    pub exposure_s: f64,
+    /// How much later each row begins than the one above it; 0 for a global shutter.
+    #[serde(default)]
+    pub line_s: f64,
+}
+
+fn usual_radius() -> f64 {
+    0.2
+}
+fn usual_height() -> f64 {
+    1.75
+}
+fn usual_skin() -> Rgb {
+    [0.55, 0.38, 0.3]
+}
+fn white() -> Rgb {
+    [1.0; 3]
+}
+fn minute() -> f64 {
+    60.0
+}
+fn camera_layout() -> Layout {
+    Layout::Camera
+}
+fn usual_size() -> [usize; 2] {
+    [640, 360]
+}
+fn usual_fov() -> f64 {
+    0.3
+}
+fn usual_level() -> f64 {
+    0.45
+}
+fn usual_electrons() -> f64 {
+    10_000.0
+}
+fn usual_read() -> f64 {
+    8.0
+}
+fn srgb() -> Transfer {
+    Transfer::Srgb
+}
+fn jpeg() -> FrameFormat {
+    FrameFormat::Jpeg
+}
+fn usual_quality() -> u8 {
+    95
+}
+
+/// The value in force at a time: of the last entry that is not later, 1 before the first.
+pub(super) fn in_force(entries: &[(f64, f64)], seconds: f64) -> f64 {
+    entries.iter().rev().find(|(at, _)| *at <= seconds).map_or(1.0, |(_, value)| *value)
+}
+
+impl Scenario {
+    /// The names of the scenarios that come with doorcam, sorted.
+    pub fn names() -> Vec<String> {
+        let mut names: Vec<String> = Library::iter().filter_map(|f| Some(f.strip_suffix(".toml")?.into())).collect();
+        names.sort();
+        names
+    }
+
+    /// One of [`Scenario::names`], or a file: what ends in `.toml` or has a slash is a path.
+    pub fn load(name: &str) -> Result<Self, ScenarioError> {
+        let error = |e: String| ScenarioError(format!("{name}: {e}"));
+        if name.ends_with(".toml") || name.contains('/') {
+            let text = std::fs::read_to_string(Path::new(name)).map_err(|e| match e.kind() {
+                std::io::ErrorKind::NotFound => {
+                    error("no such file, expected a scenario (config/scenarios has some)".into())
+                }
+                _ => error(format!("cannot read the scenario: {e}")),
+            })?;
+            return Self::parse(&text).map_err(error);
+        }
+        let Some(file) = Library::get(&format!("{name}.toml")) else {
+            return Err(error(format!("unknown scenario, expected {} or a TOML file", Self::names().join(", "))));
+        };
+        let text = String::from_utf8_lossy(&file.data);
+        Self::parse(&text).map_err(error)
+    }
+
+    /// Reads and checks a scenario's text; the error does not name the file.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let scenario: Self = toml::from_str(text).map_err(|e| {
+            let line = e.span().map_or(1, |span| 1 + text[..span.start.min(text.len())].matches('\n').count());
+            format!("line {line}: {}", e.message().split_whitespace().collect::<Vec<_>>().join(" "))
+        })?;
+        scenario.check()?;
+        Ok(scenario)
+    }
+
+    /// Frames of a round.
+    pub fn frames(&self) -> u64 {
+        (self.duration_s * self.fps).round().max(1.0) as u64
+    }
+
+    /// Frames at the start of a round that show the empty room.
+    pub fn background_frames(&self) -> u64 {
+        (self.background_s * self.fps).round() as u64
+    }
+
+    /// Where a person goes, in seconds since the empty time's end.
+    pub(super) fn walk(person: &PersonSpec) -> Walk {
+        Walk { waypoints: person.walk.iter().map(|&(t, x, y)| (t, [x, y])).collect(), period_s: person.repeat_s }
+    }
+
+    fn check(&self) -> Result<(), String> {
+        super::check::check(self)
+    }
+}
+
+/// A scenario with nothing that may be left out.
+#[cfg(test)]
+pub(super) const SMALLEST: &str = r#"
+description = "a small room"
+fps = 5
+background_s = 1
+duration_s = 4
+[doorway]
+width_m = 0.8
+wall_thickness_m = 0.1
+[room]
+half_width_m = 1.5
+depth_m = 3.0
+ceiling_m = 2.4
+[room.albedo]
+left = [0.6, 0.3, 0.3]
+back = [0.7, 0.7, 0.6]
+right = [0.3, 0.4, 0.6]
+front = [0.6, 0.6, 0.6]
+floor = [0.3, 0.3, 0.3]
+ceiling = [0.8, 0.8, 0.8]
+[[lamp]]
+kind = "bulb"
+at_m = [0.9, 0.4, 2.1]
+radius_m = 0.08
+rgb = [1.0, 0.9, 0.8]
+[visible]
+share = 0.4
+[camera]
+at_m = [0.05, -0.75, 1.3]
+look_at_m = [0.0, -0.25]
+field_of_view_deg = 60
+"#;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_scenario_that_comes_along_is_valid_and_begins_and_ends_with_nobody() {
+        let names = Scenario::names();
+        assert_eq!(names.len(), 9, "{names:?}");
+        for name in names {
+            let scenario = Scenario::load(&name).unwrap();
+            assert!(scenario.background_s >= 3.0, "{name}");
+            let end = scenario.duration_s - scenario.background_s;
+            for (k, person) in scenario.person.iter().enumerate() {
+                let walk = Scenario::walk(person);
+                for t in [0.0, end - 1.0 / scenario.fps] {
+                    let outside = |[x, _]: [f64; 2]| x.abs() > scenario.room.half_width_m + person.radius_m;
+                    assert!(walk.at(t).is_none_or(outside), "{name}: person {k} is in the room at {t} s");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn people_do_not_walk_through_each_other_or_the_doorways_wall() {
+        for name in Scenario::names() {
+            let scenario = Scenario::load(&name).unwrap();
+            let walks: Vec<_> = scenario.person.iter().map(|p| (p.radius_m, Scenario::walk(p))).collect();
+            for k in 0..scenario.frames().min(3000) {
+                let t = k as f64 / scenario.fps;
+                let there: Vec<_> = walks.iter().filter_map(|(r, walk)| Some((r, walk.at(t)?))).collect();
+                for (i, &(r, a)) in there.iter().enumerate() {
+                    assert!(a[1] > r + 0.25 && a[1] < scenario.room.depth_m - r, "{name}: {a:?} at {t} s");
+                    for &(other, b) in &there[..i] {
+                        let apart = (a[0] - b[0]).hypot(a[1] - b[1]);
+                        let inside = a[0].abs().min(b[0].abs()) < scenario.room.half_width_m;
+                        assert!(!inside || apart > r + other + 0.05, "{name}: {apart} m apart at {t} s: {a:?} {b:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_unknown_name_is_answered_with_the_known_ones() {
+        let error = Scenario::load("two-crosing").unwrap_err().to_string();
+        assert!(error.starts_with("two-crosing: unknown scenario, expected busy-doorway, "), "{error}");
+        let error = Scenario::load("no/such.toml").unwrap_err().to_string();
+        assert_eq!(error, "no/such.toml: no such file, expected a scenario (config/scenarios has some)");
+    }
+
+    #[test]
+    fn entries_are_in_force_from_their_time_on() {
+        let entries = [(2.0, 0.5), (4.0, 0.0)];
+        assert_eq!([-1.0, 1.9, 2.0, 3.9, 9.0].map(|t| in_force(&entries, t)), [1.0, 1.0, 0.5, 0.5, 0.0]);
+    }
+}

@@ -1,0 +1,235 @@
+use std::io::Cursor;
+use std::sync::Arc;
+
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+
+use super::Walk;
+use super::exposure::{Exposure, Shot};
+use super::figure::Figure;
+use super::floor::FloorMap;
+use super::light::RoomLight;
+use super::scenario::{FrameFormat, PersonSpec, Scenario, in_force};
+use super::view::{Pinhole, View, floor_points, patch_grid};
+use doorcam_core::geometry::{Doorway, Point, Side};
+use doorcam_core::image::{Image, Samples};
+use doorcam_core::optics::Transfer;
+use doorcam_core::transport::{PatchGrid, PixelLayout};
+use doorcam_source::recording::{Layout, Manifest};
+use doorcam_source::sensor::{LumaMatrix, SensorFormat, SensorPixels};
+use doorcam_source::truth::{Target, TrueFrame};
+use doorcam_source::{Purpose, RawFrame, RawImages, SkippedFrame};
+
+/// Fewer marks than this in the picture are too little for a calibration to be checked.
+const LEAST_MARKS: usize = 6;
+/// Where the light's level and the visible side's share are meant: squares of that side beside the edges, of so many points.
+const REFERENCE: PatchGrid = PatchGrid { size: 16, fov_m: 0.3, layout: PixelLayout::Cells };
+
+/// A scenario as frames: any frame at any time, the same for the same seed.
+#[derive(Debug, Clone)]
+pub struct Simulator {
+    scenario: Scenario,
+    seed: u64,
+    light: RoomLight,
+    view: View,
+    exposure: Exposure,
+    walks: Vec<Walk>,
+    /// From the scene's light to full scale.
+    gain: f64,
+    /// The visible side's light without its drift.
+    visible: [f64; 3],
+    manifest: Manifest,
+}
+
+impl Simulator {
+    /// Works out what does not move, which takes up to a second. The error names the key at fault, not the file.
+    pub fn new(scenario: Scenario, seed: u64) -> Result<Self, String> {
+        let manifest = manifest(&scenario, seed)?;
+        let mut light = RoomLight::new(&scenario);
+        let view = View::of(&scenario.camera, &scenario.doorway, &scenario.floor, light.floor());
+        light.look_only_at(view.pixels.iter().flat_map(|pixel| pixel.taps));
+        let exposure = Exposure::new(&scenario.camera, scenario.flicker);
+        let walks = scenario.person.iter().map(Scenario::walk).collect();
+        let mut simulator =
+            Self { scenario, seed, light, view, exposure, walks, gain: 1.0, visible: [0.0; 3], manifest };
+        simulator.set_level();
+        Ok(simulator)
+    }
+
+    /// Sets the visible side's light and the gain by the light on the floor beside the edges, the room being empty.
+    fn set_level(&mut self) {
+        let levels = self.levels(-self.scenario.background_s);
+        let nodes = self.light.light(&levels, Vec::new());
+        let hidden = mean_light(&self.scenario.doorway, self.light.floor(), &nodes);
+        let mean = hidden.iter().sum::<f64>() / 3.0;
+        let spec = &self.scenario.visible;
+        let white = spec.rgb.iter().sum::<f64>() / 3.0;
+        self.visible = spec.rgb.map(|c| c / white * mean * spec.share / (1.0 - spec.share));
+        let lit = (0..3).map(|c| self.scenario.floor.albedo[c] * (hidden[c] + self.visible[c])).sum::<f64>() / 3.0;
+        self.gain = if lit > 0.0 { self.scenario.camera.level / lit } else { 1.0 };
+    }
+
+    /// The scenario.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// The manifest of a recording of one round.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// A frame; after the last of a round it begins again, with other noise. Its seconds go on.
+    pub fn frame(&self, number: u64) -> Result<RawFrame, SkippedFrame> {
+        let index = number % self.scenario.frames();
+        let name: Arc<str> = format!("frame {index}").into();
+        let images = self.images(number).map_err(|reason| SkippedFrame { name: name.to_string(), reason })?;
+        let purpose = if index < self.scenario.background_frames() { Purpose::Background } else { Purpose::Watch };
+        let seconds = number as f64 / self.scenario.fps;
+        Ok(RawFrame { index: Some(index), purpose, seconds, images, time: None, name })
+    }
+
+    /// Where everybody in the room is in a frame of a round.
+    pub fn truth(&self, index: u64) -> TrueFrame {
+        let room = &self.scenario.room;
+        let inside = |[x, y]: &Point| x.abs() < room.half_width_m && (0.0..room.depth_m).contains(y);
+        let people = self.people_at(self.seconds_after_empty(index));
+        let targets = people.filter(|(_, _, at)| inside(at)).map(|(id, person, [x_m, y_m])| Target {
+            id,
+            x_m,
+            y_m,
+            radius_m: person.radius_m,
+            rgb: person.clothes,
+        });
+        TrueFrame { index, t: index as f64 / self.scenario.fps, targets: targets.collect() }
+    }
+
+    /// Seconds of a frame of a round since the empty time's end.
+    fn seconds_after_empty(&self, index: u64) -> f64 {
+        // By frames, so that the first frame after them is at 0 whatever the rounding.
+        (index as f64 - self.scenario.background_frames() as f64) / self.scenario.fps
+    }
+
+    /// Everybody who is somewhere, with a number from 1 on.
+    fn people_at(&self, seconds: f64) -> impl Iterator<Item = (u64, &PersonSpec, Point)> {
+        let people = self.scenario.person.iter().zip(&self.walks).zip(1..);
+        people.filter_map(move |((person, walk), id)| {
+            (seconds >= 0.0).then(|| walk.at(seconds)).flatten().map(|at| (id, person, at))
+        })
+    }
+
+    fn figures_at(&self, seconds: f64) -> Vec<Figure> {
+        let people = self.people_at(seconds);
+        people.map(|(_, p, at)| Figure::new(at, p.radius_m, p.height_m, p.clothes, p.skin)).collect()
+    }
+
+    fn levels(&self, seconds: f64) -> Vec<f64> {
+        self.scenario.lamp.iter().map(|lamp| in_force(&lamp.switch, seconds)).collect()
+    }
+
+    fn images(&self, number: u64) -> Result<RawImages, String> {
+        let seconds = self.seconds_after_empty(number % self.scenario.frames());
+        let people = self.figures_at(seconds);
+        let light = self.light.light(&self.levels(seconds), people);
+        let visible = &self.scenario.visible;
+        let drift = 1.0 + visible.drift * (std::f64::consts::TAU * seconds / visible.drift_period_s).sin();
+        let shot = Shot {
+            seed: self.seed,
+            number,
+            seconds: number as f64 / self.scenario.fps,
+            gain: self.gain * in_force(&self.scenario.camera.exposure, seconds),
+            visible: self.visible.map(|v| v * drift),
+        };
+        match self.scenario.camera.layout {
+            Layout::Camera => self.encode(self.exposure.eight_bits(&self.view, &light, &shot)),
+            Layout::Patches => {
+                let codes = self.exposure.sixteen_bits(&self.view, &light, &shot);
+                let (left, right) = codes.split_at(codes.len() / 2);
+                Ok(RawImages::Patches([self.patch(left)?, self.patch(right)?]))
+            }
+        }
+    }
+
+    fn encode(&self, codes: Vec<u8>) -> Result<RawImages, String> {
+        let camera = &self.scenario.camera;
+        let [width, height] = camera.size;
+        match camera.format {
+            FrameFormat::Rgb => Ok(RawImages::Sensor(
+                SensorFormat {
+                    pixels: SensorPixels::Rgb24,
+                    width,
+                    height,
+                    stride: 3 * width,
+                    full_range: true,
+                    matrix: LumaMatrix::Bt601,
+                },
+                Arc::new(codes),
+            )),
+            FrameFormat::Jpeg => {
+                let image = Image { width, height, samples: Samples::Eight(codes) };
+                doorcam_source::image::encode_jpeg(&image, camera.quality)
+                    .map(|jpeg| RawImages::Camera(Arc::new(jpeg)))
+                    .map_err(|e| e.to_string())
+            }
+            FrameFormat::Png => {
+                let png = png(&codes, [width, height], ExtendedColorType::Rgb8)?;
+                Ok(RawImages::Camera(Arc::new(png)))
+            }
+        }
+    }
+
+    fn patch(&self, codes: &[u16]) -> Result<Arc<Vec<u8>>, String> {
+        let bytes: Vec<u8> = codes.iter().copied().flat_map(u16::to_ne_bytes).collect();
+        png(&bytes, [self.view.width; 2], ExtendedColorType::Rgb16).map(Arc::new)
+    }
+}
+
+fn png(samples: &[u8], [width, height]: [usize; 2], colour: ExtendedColorType) -> Result<Vec<u8>, String> {
+    let mut png = Cursor::new(Vec::with_capacity(samples.len()));
+    let size = |n: usize| u32::try_from(n).map_err(|e| e.to_string());
+    PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Sub)
+        .write_image(samples, size(width)?, size(height)?, colour)
+        .map_err(|e| e.to_string())?;
+    Ok(png.into_inner())
+}
+
+/// Mean light on the floor beside both edges.
+fn mean_light(doorway: &Doorway, map: &FloorMap, nodes: &[[f32; 3]]) -> [f64; 3] {
+    let points: Vec<Point> = Side::BOTH.into_iter().flat_map(|side| REFERENCE.points(doorway, side)).collect();
+    let mut sum = [0.0; 3];
+    for &point in &points {
+        let [a, b] = map.taps(point).map(|tap| tap.of(nodes));
+        (0..3).for_each(|c| sum[c] += f64::from(a[c] + b[c]) / points.len() as f64);
+    }
+    sum
+}
+
+fn manifest(scenario: &Scenario, seed: u64) -> Result<Manifest, String> {
+    let camera = &scenario.camera;
+    let notes = format!("Simulated: {}. Seed {seed}.", scenario.description.trim().trim_end_matches('.'));
+    let pictures = camera.layout == Layout::Camera;
+    let floor_points = if pictures { floor_points(&Pinhole::new(camera), &scenario.doorway) } else { Vec::new() };
+    if pictures && floor_points.len() < LEAST_MARKS {
+        return Err(format!(
+            "camera sees {} of the 10 marks at the doorway's foot, expected at least {LEAST_MARKS}: check camera.at_m, \
+             look_at_m and field_of_view_deg",
+            floor_points.len()
+        ));
+    }
+    Ok(Manifest {
+        fps: scenario.fps,
+        layout: camera.layout,
+        transfer: if pictures { camera.transfer.clone() } else { Transfer::Linear },
+        size: Some(if pictures { camera.size } else { [patch_grid(camera).size; 2] }),
+        doorway: scenario.doorway,
+        floor_points,
+        lens: None,
+        fov_m: (!pictures).then_some(camera.fov_m),
+        background_frames: Some([0, scenario.background_frames()]),
+        notes,
+    })
+}
+
+#[cfg(test)]
+#[path = "simulator_tests.rs"]
+mod tests;

@@ -1,0 +1,254 @@
+use rayon::prelude::*;
+
+use super::floor::{FloorMap, Tap};
+use super::room::Vector;
+use super::scenario::{CameraSpec, FloorSpec};
+use doorcam_core::geometry::{Doorway, Point, Side};
+use doorcam_core::optics::FloorPoint;
+use doorcam_core::scene::Rgb;
+use doorcam_core::transport::{PatchGrid, PixelLayout};
+use doorcam_source::recording::Layout;
+
+/// Samples along each side of a pixel, over which what it sees is averaged.
+const SAMPLES: usize = 3;
+/// What is not floor has one colour: the wall's face, the sides of the opening and what is far in the room.
+const FACE: Rgb = [0.52, 0.50, 0.47];
+const JAMB: Rgb = [0.35, 0.34, 0.32];
+const BEYOND: Rgb = [0.12, 0.12, 0.12];
+/// Floor of the room is shown so far behind the doorway; people further in are never seen by the camera itself.
+const SHOWN_M: f64 = 1.0;
+
+/// What a pixel sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Pixel {
+    /// Where the light on the floor comes from.
+    pub(super) taps: [Tap; 2],
+    /// Albedo of the floor, times the part of the pixel that is floor.
+    pub(super) floor: [f32; 3],
+    /// Albedo of the rest, times its part. The visible side's light is on it.
+    pub(super) flat: [f32; 3],
+    /// The part of the visible side's light that is on the floor.
+    pub(super) visible: f32,
+}
+
+/// What meets a line of sight.
+enum Seen {
+    Floor(Point),
+    Flat(Rgb),
+}
+
+/// All pixels of a frame, row by row from the top left: of a picture, or of the left and then the right patch.
+#[derive(Debug, Clone)]
+pub(super) struct View {
+    pub(super) pixels: Vec<Pixel>,
+    pub(super) width: usize,
+}
+
+/// A pinhole camera.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pinhole {
+    at: Vector,
+    ahead: Vector,
+    right: Vector,
+    down: Vector,
+    focal: f64,
+    size: [usize; 2],
+}
+
+fn cross(a: Vector, b: Vector) -> Vector {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn unit(a: Vector) -> Option<Vector> {
+    let length = dot(a, a).sqrt();
+    (length > 1e-6).then(|| a.map(|x| x / length))
+}
+
+impl Pinhole {
+    pub(super) fn new(spec: &CameraSpec) -> Self {
+        let at = spec.at_m;
+        let towards = [spec.look_at_m[0] - at[0], spec.look_at_m[1] - at[1], -at[2]];
+        let ahead = unit(towards).unwrap_or([0.0, 0.0, -1.0]);
+        // Straight down, the wall is at the top of the picture.
+        let level = unit(cross(ahead, [0.0, 0.0, 1.0])).unwrap_or([1.0, 0.0, 0.0]);
+        let below = cross(ahead, level);
+        let (sine, cosine) = spec.roll_deg.to_radians().sin_cos();
+        let turned = |a: Vector, b: Vector, sine: f64| [0, 1, 2].map(|k| cosine * a[k] + sine * b[k]);
+        let focal = spec.size[0] as f64 / 2.0 / (spec.field_of_view_deg.to_radians() / 2.0).tan();
+        let (right, down) = (turned(level, below, sine), turned(below, level, -sine));
+        Self { at, ahead, right, down, focal, size: spec.size }
+    }
+
+    /// The direction of a pixel's line of sight, not of unit length.
+    fn ray(&self, [u, v]: Point) -> Vector {
+        let (x, y) = ((u - self.middle(0)) / self.focal, (v - self.middle(1)) / self.focal);
+        [0, 1, 2].map(|k| self.ahead[k] + x * self.right[k] + y * self.down[k])
+    }
+
+    fn middle(&self, axis: usize) -> f64 {
+        (self.size[axis] as f64 - 1.0) / 2.0
+    }
+
+    /// Where a floor point is seen; none if it is not in the picture.
+    pub(super) fn see(&self, [x, y]: Point) -> Option<Point> {
+        let d = [x - self.at[0], y - self.at[1], -self.at[2]];
+        let depth = dot(d, self.ahead);
+        let pixel = [
+            self.middle(0) + self.focal * dot(d, self.right) / depth,
+            self.middle(1) + self.focal * dot(d, self.down) / depth,
+        ];
+        let within = |k: usize| (0.0..=self.size[k] as f64 - 1.0).contains(&pixel[k]);
+        (depth > 0.05 && within(0) && within(1)).then_some(pixel)
+    }
+
+    fn meet(&self, doorway: &Doorway, pixel: Point) -> Seen {
+        let ray = self.ray(pixel);
+        let at = |t: f64| [0, 1, 2].map(|k| self.at[k] + t * ray[k]);
+        let open = |[x, _, z]: Vector| x.abs() < doorway.half_width() && doorway.height_m.is_none_or(|h| z < h);
+        let floor = if ray[2] < 0.0 { -self.at[2] / ray[2] } else { f64::INFINITY };
+        let plane = |y: f64| if ray[1] > 0.0 { (y - self.at[1]) / ray[1] } else { f64::INFINITY };
+        let (face, hidden, far) = (plane(-doorway.wall_thickness_m), plane(0.0), plane(SHOWN_M));
+        let [x, y, _] = at(floor.min(1e3));
+        if floor <= face {
+            return Seen::Floor([x, y]);
+        }
+        if !open(at(face)) {
+            return Seen::Flat(FACE);
+        }
+        if floor <= hidden && x.abs() < doorway.half_width() {
+            return Seen::Floor([x, y]);
+        }
+        if floor <= hidden || !open(at(hidden)) {
+            return Seen::Flat(JAMB);
+        }
+        if floor <= far { Seen::Floor([x, y]) } else { Seen::Flat(BEYOND) }
+    }
+}
+
+impl View {
+    /// Of a picture.
+    pub(super) fn picture(camera: &Pinhole, doorway: &Doorway, floor: &FloorSpec, map: &FloorMap) -> Self {
+        let [width, height] = camera.size;
+        let pixel = |k: usize| {
+            let at = |du: f64, dv: f64| camera.meet(doorway, [(k % width) as f64 + du, (k / width) as f64 + dv]);
+            pixel(at, floor, map)
+        };
+        Self { pixels: (0..width * height).into_par_iter().map(pixel).collect(), width }
+    }
+
+    /// Of two patches.
+    pub(super) fn patches(grid: &PatchGrid, doorway: &Doorway, floor: &FloorSpec, map: &FloorMap) -> Self {
+        let side = grid.fov_m / grid.size as f64;
+        let of = |point: Point| pixel(|du, dv| Seen::Floor([point[0] + du * side, point[1] - dv * side]), floor, map);
+        let points: Vec<Point> = Side::BOTH.into_iter().flat_map(|s| grid.points(doorway, s)).collect();
+        Self { pixels: points.into_par_iter().map(of).collect(), width: grid.size }
+    }
+
+    /// Of what a scenario's camera delivers.
+    pub(super) fn of(camera: &CameraSpec, doorway: &Doorway, floor: &FloorSpec, map: &FloorMap) -> Self {
+        match camera.layout {
+            Layout::Camera => Self::picture(&Pinhole::new(camera), doorway, floor, map),
+            Layout::Patches => Self::patches(&patch_grid(camera), doorway, floor, map),
+        }
+    }
+}
+
+/// The squares of layout "patches".
+pub(super) fn patch_grid(camera: &CameraSpec) -> PatchGrid {
+    PatchGrid { size: camera.size[0], fov_m: camera.fov_m, layout: PixelLayout::Cells }
+}
+
+/// The marks of a careful calibration that are in the picture: on the wall's foot and 0.3 m before it.
+pub(super) fn floor_points(camera: &Pinhole, doorway: &Doorway) -> Vec<FloorPoint> {
+    let (half, foot) = (doorway.half_width(), -doorway.wall_thickness_m);
+    let across = [-half - 0.2, -half, 0.0, half, half + 0.2];
+    let marks = [foot, foot - 0.3].into_iter().flat_map(|y| across.map(|x| [x, y]));
+    marks.filter_map(|floor_m| Some(FloorPoint { pixel: camera.see(floor_m)?, floor_m })).collect()
+}
+
+/// A pixel from what its samples see, at offsets of up to half a pixel.
+fn pixel(at: impl Fn(f64, f64) -> Seen, floor: &FloorSpec, map: &FloorMap) -> Pixel {
+    let mut pixel = Pixel { taps: [Tap::default(); 2], floor: [0.0; 3], flat: [0.0; 3], visible: 0.0 };
+    let (mut place, mut on_floor) = ([0.0; 2], 0.0);
+    let share = 1.0 / (SAMPLES * SAMPLES) as f32;
+    for k in 0..SAMPLES * SAMPLES {
+        let offset = |k: usize| (k as f64 + 0.5) / SAMPLES as f64 - 0.5;
+        match at(offset(k % SAMPLES), offset(k / SAMPLES)) {
+            Seen::Floor(point) => {
+                let speckle = 1.0 + floor.speckle * speckle(point, floor.grain_m);
+                (0..3).for_each(|c| pixel.floor[c] += share * (floor.albedo[c] * speckle).clamp(0.0, 1.0) as f32);
+                place = [place[0] + point[0], place[1] + point[1]];
+                on_floor += 1.0;
+            }
+            Seen::Flat(colour) => (0..3).for_each(|c| pixel.flat[c] += share * colour[c] as f32),
+        }
+    }
+    if on_floor > 0.0 {
+        let place = place.map(|p| p / on_floor);
+        pixel.taps = map.taps(place);
+        pixel.visible = map.visible_light(place) as f32;
+    }
+    pixel
+}
+
+/// The floor's own pattern: a value of mean 0 and deviation 1 for each grain, always the same.
+fn speckle([x, y]: Point, grain: f64) -> f64 {
+    let cell = |value: f64| (value / grain).floor() as i64 as u64;
+    // SplitMix64 of the grain's number: neighbours are unrelated.
+    let mut z = cell(x).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ cell(y).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
+    let mut sum = 0.0;
+    for _ in 0..3 {
+        z = z.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut w = z;
+        w = (w ^ (w >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        w = (w ^ (w >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        // Three uniform numbers of deviation 1/√12 each.
+        sum += ((w ^ (w >> 31)) >> 11) as f64 / (1_u64 << 53) as f64 - 0.5;
+    }
+    2.0 * sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scenario::{SMALLEST, Scenario};
+    use super::*;
+
+    #[test]
+    fn a_floor_point_is_seen_where_the_line_of_sight_meets_it() {
+        let mut spec = Scenario::parse(SMALLEST).unwrap().camera;
+        let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None };
+        for roll in [0.0, 7.0] {
+            spec.roll_deg = roll;
+            let camera = Pinhole::new(&spec);
+            let points = floor_points(&camera, &doorway);
+            assert!(points.len() >= 6, "{points:?}");
+            for FloorPoint { pixel, floor_m: [x, y] } in points {
+                // Just before the wall's foot, on which they are.
+                let pixel = camera.see([x, y - 1e-9]).map_or(pixel, |p| p);
+                let Seen::Floor(found) = camera.meet(&doorway, pixel) else { panic!("{pixel:?} is floor") };
+                assert!((found[0] - x).hypot(found[1] - y) < 1e-6, "{found:?} {x} {y}");
+            }
+            let middle = camera.see(spec.look_at_m).unwrap();
+            assert!((middle[0] - 319.5).hypot(middle[1] - 179.5) < 1e-9);
+        }
+        // To a camera that is turned clockwise the scene turns the other way.
+        spec.roll_deg = 10.0;
+        let right = Pinhole::new(&spec).see([0.2, -0.25]).unwrap();
+        assert!(right[0] > 330.0 && right[1] < 179.5, "{right:?}");
+    }
+
+    #[test]
+    fn the_speckle_has_mean_0_and_deviation_1() {
+        let values: Vec<f64> = (0..40_000)
+            .map(|k| speckle([f64::from(k % 200) * 0.004 - 0.398, f64::from(k / 200) * -0.004 - 0.002], 0.004))
+            .collect();
+        let mean = values.iter().sum::<f64>() / 4e4;
+        let variance = values.iter().map(|v| v * v).sum::<f64>() / 4e4;
+        let next = values.windows(2).map(|p| p[0] * p[1]).sum::<f64>() / 4e4;
+        assert!(mean.abs() < 0.02 && (variance - 1.0).abs() < 0.03 && next.abs() < 0.02, "{mean} {variance} {next}");
+    }
+}

@@ -1,0 +1,98 @@
+use doorcam_core::geometry::Point;
+
+/// A smooth walk through waypoints: round and round, or once.
+///
+/// Between waypoints the position is a cubic with the velocities (p_{k+1} − p_{k−1}) / (t_{k+1} − t_{k−1}) at the ends, so
+/// that position and velocity are continuous, also from one round to the next. A walk that is gone once begins and ends at
+/// rest, and two equal waypoints of it are a pause.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Walk {
+    /// Time in seconds, rising, and place in metres. Those of a round begin at 0.
+    pub waypoints: Vec<(f64, Point)>,
+    /// Seconds until it begins again, above the last waypoint's time; none for a walk that is gone once.
+    pub period_s: Option<f64>,
+}
+
+impl Walk {
+    /// Where the walker is at a time, in seconds; none before and after a walk that is gone once, and for a walk without
+    /// waypoints.
+    pub fn at(&self, seconds: f64) -> Option<Point> {
+        let count = self.waypoints.len() as isize;
+        let (&(first, _), &(last, _)) = (self.waypoints.first()?, self.waypoints.last()?);
+        let time = match self.period_s {
+            Some(period) => seconds.rem_euclid(period),
+            None if (first..=last).contains(&seconds) => seconds,
+            None => return None,
+        };
+        // Waypoints of the rounds before and after, at their times; beyond the ends of a single walk, the ends.
+        let waypoint = |k: isize| match self.period_s {
+            Some(period) => {
+                let (t, p) = *self.waypoints.get(k.rem_euclid(count) as usize)?;
+                Some((t + period * k.div_euclid(count) as f64, p))
+            }
+            None => self.waypoints.get(k.clamp(0, count - 1) as usize).copied(),
+        };
+        let next = self.waypoints.iter().position(|&(t, _)| t > time).unwrap_or(self.waypoints.len()) as isize;
+        let [before, from, to, after] =
+            [waypoint(next - 2)?, waypoint(next - 1)?, waypoint(next)?, waypoint(next + 1)?];
+        let span = to.0 - from.0;
+        if span <= 0.0 {
+            return Some(from.1);
+        }
+        let u = (time - from.0) / span;
+        let coordinate = |axis: usize| {
+            let speed = |a: (f64, Point), b: (f64, Point), here: (f64, Point)| {
+                // At the ends of a single walk, and in its pauses, nobody moves.
+                let at_rest =
+                    self.period_s.is_none() && (a.0 == here.0 || b.0 == here.0 || a.1 == here.1 || b.1 == here.1);
+                if at_rest { 0.0 } else { (b.1[axis] - a.1[axis]) / (b.0 - a.0) }
+            };
+            let (m0, m1) = (span * speed(before, to, from), span * speed(from, after, to));
+            let (p0, p1) = (from.1[axis], to.1[axis]);
+            let (u2, u3) = (u * u, u * u * u);
+            p0 * (2.0 * u3 - 3.0 * u2 + 1.0) + m0 * (u3 - 2.0 * u2 + u) + p1 * (3.0 * u2 - 2.0 * u3) + m1 * (u3 - u2)
+        };
+        Some([coordinate(0), coordinate(1)])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PLACES: [(f64, Point); 4] = [(0.0, [0.0, 1.0]), (2.0, [1.0, 2.0]), (5.0, [-1.0, 1.5]), (6.0, [-1.0, 1.0])];
+
+    fn is_smooth_at(walk: &Walk, times: &[f64]) {
+        let velocity = |t: f64, h: f64| [0, 1].map(|i| (walk.at(t + h).unwrap()[i] - walk.at(t).unwrap()[i]) / h);
+        for &t in times {
+            let (before, after) = (velocity(t, -1e-6), velocity(t, 1e-6));
+            assert!((0..2).all(|i| (before[i] - after[i]).abs() < 1e-4), "{t}: {before:?} {after:?}");
+        }
+    }
+
+    #[test]
+    fn a_walk_passes_its_waypoints_and_is_smooth_and_closed() {
+        let walk = Walk { waypoints: PLACES.to_vec(), period_s: Some(8.0) };
+        for &(t, p) in &walk.waypoints {
+            for time in [t, t + 8.0, t - 8.0] {
+                let at = walk.at(time).unwrap();
+                assert!((at[0] - p[0]).hypot(at[1] - p[1]) < 1e-12);
+            }
+        }
+        is_smooth_at(&walk, &[0.0, 2.0, 5.0, 6.0]);
+        assert_eq!(Walk { waypoints: Vec::new(), period_s: Some(1.0) }.at(0.3), None);
+    }
+
+    #[test]
+    fn a_walk_that_is_gone_once_has_a_beginning_an_end_and_pauses() {
+        let mut waypoints = PLACES.to_vec();
+        waypoints.insert(2, (4.0, [1.0, 2.0]));
+        let walk = Walk { waypoints, period_s: None };
+        assert_eq!((walk.at(-0.01), walk.at(6.01)), (None, None));
+        assert_eq!((walk.at(0.0), walk.at(6.0)), (Some([0.0, 1.0]), Some([-1.0, 1.0])));
+        assert_eq!(walk.at(2.7), Some([1.0, 2.0]));
+        is_smooth_at(&walk, &[2.0, 4.0, 5.0]);
+        let slow = walk.at(0.001).unwrap();
+        assert!(slow[0].hypot(slow[1] - 1.0) < 1e-5, "{slow:?}");
+    }
+}

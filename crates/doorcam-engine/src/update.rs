@@ -1,0 +1,303 @@
+use std::sync::Arc;
+use std::time::Instant;
+
+use jiff::Timestamp;
+use serde::Serialize;
+
+use crate::{Model, Reconstruction};
+use doorcam_core::light::{PatchPair, Sensing};
+use doorcam_core::scene::{Rgb, Scene};
+use doorcam_core::solver::ModelKind;
+use doorcam_core::tracking::{Detection, Event, Occupancy, Track};
+
+/// Whether the map can be trusted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "lowercase")]
+pub enum State {
+    /// The empty room is being learned: no map yet.
+    Learning,
+    /// The map is of now.
+    Watching,
+    /// The light changed as a whole; the background is being learned anew.
+    Relearning,
+    /// No new frame for some time: the map is of then.
+    Stale,
+}
+
+/// What is known after one frame: one line of `doorcam reconstruct`, one message of the live socket. Light is linear, relative to full scale; negative means darker than the background.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Update {
+    /// Version of this format.
+    pub version: u32,
+    /// Counts updates of this run, from 0.
+    pub sequence: u64,
+    /// Time of capture, RFC 3339. For a recording reconstructed offline, its own clock from 1970-01-01T00:00:00Z.
+    pub time: Timestamp,
+    /// The frame's number in its recording.
+    #[cfg_attr(feature = "schema", schema(required))]
+    pub frame: Option<u64>,
+    /// Whether the map can be trusted.
+    pub state: State,
+    /// Which calibration it is of: when it changes, so may have the geometry.
+    pub calibration: u32,
+    /// How the map was found.
+    pub solution: SolutionReport,
+    /// Which signs the map may have.
+    #[cfg_attr(feature = "schema", schema(value_type = ModelKind))]
+    pub model: &'static str,
+    /// Change of the visible side's light, b of eq. 12.
+    pub illumination: Illumination,
+    /// By what factor each patch's own picture of the empty room is multiplied in this frame, apart from what the facets
+    /// explain: exposure, flicker, and whatever else lets all of the floor's light rise or fall alike. None while the empty
+    /// room is learned, and with the published model, which knows no gain.
+    #[cfg_attr(feature = "schema", schema(required))]
+    pub gain: Option<Gain>,
+    /// What is known of the background where it is followed over time; left out where it is fixed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub background: Option<BackgroundReport>,
+    /// The facets that changed.
+    pub facets: Vec<FacetReport>,
+    /// People: none while the room is learned.
+    pub tracks: Vec<Track>,
+    /// What people did since the update before; left out where that is nothing.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub events: Vec<Event>,
+    /// Who is in which zone; left out where none is configured.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub zones: Vec<Occupancy>,
+    /// Where the time went.
+    pub timing_ms: Timing,
+}
+
+/// How the map was found.
+#[derive(Debug, Clone, PartialEq, Serialize, Default)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct SolutionReport {
+    /// λ of eq. 13.
+    pub lambda: f64,
+    /// Value of eq. 13.
+    pub objective: f64,
+    /// Its data term.
+    pub data: f64,
+    /// Its penalty.
+    pub penalty: f64,
+    /// A proven lower bound on the objective.
+    pub bound: f64,
+    /// The largest violation of a first-order condition, as a share of λ: 0 at a stationary point.
+    pub residual: f64,
+    /// Sweeps over the facets and Newton steps.
+    pub iterations: usize,
+    /// Whether the cap on them ended it, with the best point so far.
+    pub capped: bool,
+    /// Whether the previous frame's map was the start.
+    pub warm: bool,
+}
+
+/// b of eq. 12 at each patch.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Default)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Illumination {
+    /// At the left patch.
+    #[cfg_attr(feature = "schema", schema(value_type = doorcam_core::schema::Rgb))]
+    pub left: Rgb,
+    /// At the right patch.
+    #[cfg_attr(feature = "schema", schema(value_type = doorcam_core::schema::Rgb))]
+    pub right: Rgb,
+}
+
+/// Factors on the background's own picture at each patch.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Gain {
+    /// At the left patch.
+    #[cfg_attr(feature = "schema", schema(value_type = doorcam_core::schema::Rgb))]
+    pub left: Rgb,
+    /// At the right patch.
+    #[cfg_attr(feature = "schema", schema(value_type = doorcam_core::schema::Rgb))]
+    pub right: Rgb,
+}
+
+/// The background that frames are compared with, or that is being learned.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct BackgroundReport {
+    /// Frames that it is the mean of, as many of equal weight.
+    pub frames: u64,
+    /// Seconds since it was learned; none while that goes on.
+    #[cfg_attr(feature = "schema", schema(required))]
+    pub age_s: Option<f64>,
+    /// Of the time that learning takes in a still room, the share that has passed; 1 while waiting for the room to be still.
+    /// None once it is learned.
+    #[cfg_attr(feature = "schema", schema(required))]
+    pub progress: Option<f64>,
+}
+
+/// One facet's change.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct FacetReport {
+    /// Index in the grid.
+    pub index: usize,
+    /// Seen from the left edge.
+    #[cfg_attr(feature = "schema", schema(value_type = doorcam_core::schema::Rgb))]
+    pub left: [f32; 3],
+    /// Seen from the right edge.
+    #[cfg_attr(feature = "schema", schema(value_type = doorcam_core::schema::Rgb))]
+    pub right: [f32; 3],
+    /// In the unified map.
+    #[cfg_attr(feature = "schema", schema(value_type = doorcam_core::schema::Rgb))]
+    pub unified: [f32; 3],
+    /// The factor by which a least-squares refit multiplies this facet's light: its brightness without the penalty's
+    /// shrinkage.
+    pub refit: f32,
+    /// Whether a second light, of another colour or balance of left and right, would serve as well here: one colour for
+    /// both views is then a bad fit.
+    pub wants_second: bool,
+}
+
+/// Milliseconds spent on each stage of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Default)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Timing {
+    /// Decoding the images.
+    pub decode: f64,
+    /// Rectifying them.
+    pub rectify: f64,
+    /// Subtracting the background.
+    pub background: f64,
+    /// Aᵀy.
+    pub project: f64,
+    /// Solving eq. 13.
+    pub solve: f64,
+    /// Detecting and following people.
+    pub track: f64,
+    /// From the encoded frame to the update.
+    pub total: f64,
+}
+
+impl Update {
+    /// An update without a map, while the empty room is learned.
+    pub fn learning(model: &Model, sequence: u64, time: Timestamp, frame: Option<u64>, timing_ms: Timing) -> Self {
+        Self::blank(model.kind.name(), sequence, time, frame, timing_ms)
+    }
+
+    /// An update without a map, of a model of this name.
+    pub fn blank(model: &'static str, sequence: u64, time: Timestamp, frame: Option<u64>, timing_ms: Timing) -> Self {
+        Self {
+            version: 1,
+            sequence,
+            time,
+            frame,
+            state: State::Learning,
+            calibration: 0,
+            solution: SolutionReport::default(),
+            model,
+            illumination: Illumination::default(),
+            gain: None,
+            background: None,
+            facets: Vec::new(),
+            tracks: Vec::new(),
+            events: Vec::new(),
+            zones: Vec::new(),
+            timing_ms,
+        }
+    }
+
+    /// The update of a reconstructed frame.
+    pub fn watching(
+        model: &Model,
+        sequence: u64,
+        time: Timestamp,
+        frame: Option<u64>,
+        reconstruction: &Reconstruction,
+        timing_ms: Timing,
+    ) -> Self {
+        let solution = &reconstruction.solution;
+        let [left, right] = reconstruction.illumination;
+        Self {
+            state: State::Watching,
+            calibration: 0,
+            solution: SolutionReport {
+                lambda: solution.lambda,
+                objective: solution.objective(),
+                data: solution.data,
+                penalty: solution.penalty,
+                bound: solution.bound,
+                residual: solution.residual,
+                iterations: solution.sweeps,
+                capped: solution.capped,
+                warm: solution.warm,
+            },
+            illumination: Illumination { left, right },
+            gain: reconstruction.gain.map(|[left, right]| Gain { left, right }),
+            facets: facets(reconstruction),
+            ..Self::learning(model, sequence, time, frame, timing_ms)
+        }
+    }
+}
+
+fn facets(reconstruction: &Reconstruction) -> Vec<FacetReport> {
+    let Reconstruction { scene, solution, refit, .. } = reconstruction;
+    let single = |rgb: Rgb| rgb.map(|v| v as f32);
+    scene
+        .nonzero()
+        .map(|n| FacetReport {
+            index: n,
+            left: single(scene.left[n]),
+            right: single(scene.right[n]),
+            unified: single(scene.unified[n]),
+            refit: refit[n] as f32,
+            wants_second: solution.wants_second.get(n).copied().unwrap_or(false),
+        })
+        .collect()
+}
+
+/// One update as everyone gets it: made once, never changed.
+#[derive(Debug)]
+pub struct Published {
+    /// The update.
+    pub update: Update,
+    /// The same as JSON text, serialised once for all clients.
+    pub json: Arc<str>,
+    /// Views and unified map in the brightness that figures show; none while learning.
+    pub scene: Option<Scene>,
+    /// The difference measurement, for pictures; none while learning.
+    pub difference: Option<PatchPair>,
+    /// The floor as this frame shows it, linear light.
+    pub patches: Option<PatchPair>,
+    /// Whom this frame shows by itself.
+    pub detections: Vec<Detection>,
+    /// What the pixels can tell; none while learning, and with the published model.
+    pub sensing: Option<Arc<Sensing>>,
+    /// When it was published.
+    pub at: Instant,
+}
+
+impl Published {
+    /// Serialises an update for everyone.
+    pub fn new(update: Update, scene: Option<Scene>, difference: Option<PatchPair>) -> Self {
+        // An update has no map with keys other than strings, the one thing that serialisation refuses.
+        let json = serde_json::to_string(&update).unwrap_or_default().into();
+        Self {
+            update,
+            json,
+            scene,
+            difference,
+            patches: None,
+            detections: Vec::new(),
+            sensing: None,
+            at: Instant::now(),
+        }
+    }
+}
+
+/// What updates are of: a model, and the calibration that it was made for.
+#[derive(Debug, Clone)]
+pub struct Watched {
+    /// The model.
+    pub model: Arc<Model>,
+    /// Counts calibrations of this run.
+    pub calibration: u32,
+}

@@ -1,0 +1,12 @@
+//! The way of a frame, in rooms whose truth is known.
+
+mod live_room;
+#[path = "../../../../tests/reference/mod.rs"]
+mod reference;
+
+mod averaging;
+mod background;
+mod background_saved;
+mod light_change;
+mod model;
+mod rendered_floor;

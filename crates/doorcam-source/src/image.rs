@@ -1,0 +1,270 @@
+//! Encoded and raw frames to samples, and back to a JPEG for people.
+
+use std::io::Cursor;
+use std::ops::Range;
+
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
+
+pub use super::jpeg::JpegDepth;
+use super::jpeg::JpegReader;
+use super::sensor::{SensorFormat, SensorPixels};
+use doorcam_core::image::{Image, Samples};
+
+/// Why bytes are not an image, or an image cannot be encoded.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// Neither a JPEG nor a PNG by its first bytes.
+    #[error("neither a JPEG nor a PNG image")]
+    UnknownFormat,
+    /// A broken or truncated JPEG.
+    #[error("broken JPEG: {0}")]
+    Jpeg(String),
+    /// A broken or truncated PNG.
+    #[error("broken PNG: {0}")]
+    Png(String),
+    /// The image has another size than was asked for.
+    #[error("the image has {} x {} pixels, expected {} x {}", got.0, got.1, expected.0, expected.1)]
+    WrongSize {
+        /// Its width and height.
+        got: (usize, usize),
+        /// The width and height asked for.
+        expected: (usize, usize),
+    },
+    /// The image has more pixels than there is reason to make room for.
+    #[error("the image has {0} x {1} pixels, expected 7680 x 4320 or as many at most")]
+    TooLarge(usize, usize),
+    /// A raw frame without all of its bytes.
+    #[error("the raw frame has {got} bytes, expected at least {expected}")]
+    Short {
+        /// Bytes of the frame.
+        got: usize,
+        /// Bytes that its format needs.
+        expected: usize,
+    },
+    /// A layout of raw frames that no frame can have.
+    #[error("a raw frame of {width} x {height} pixels ({pixels:?}) cannot have rows of {stride} bytes")]
+    SensorFormat {
+        /// Pixels across.
+        width: usize,
+        /// Pixels down.
+        height: usize,
+        /// Bytes a row.
+        stride: usize,
+        /// Order and subsampling.
+        pixels: SensorPixels,
+    },
+    /// An image that a JPEG cannot hold.
+    #[error("an image of {0} x {1} pixels does not fit into a JPEG")]
+    Encode(usize, usize),
+}
+
+/// Pixels of the largest image that is decoded: 8K. A file of some hundred bytes may claim to have any number.
+const MOST_PIXELS: usize = 7680 * 4320;
+
+/// Decodes a JPEG or PNG, told apart by its first bytes. A truncated file is an error, not half an image.
+pub fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
+    let mut decoder = ImageDecoder::default();
+    decoder.decode(bytes, None)?;
+    Ok(decoder.image)
+}
+
+/// A raw frame with 8 bits a sample, for people and files; [`SensorFormat::decode_rows`] is for measuring.
+pub fn decode_sensor(format: &SensorFormat, bytes: &[u8]) -> Result<Image, ImageError> {
+    let mut image = Image::empty();
+    format.decode_rows(bytes, 0..format.height, &mut image)?;
+    image.samples = Samples::Eight(image.samples.to_eight());
+    Ok(image)
+}
+
+/// Encodes an image as a JPEG of a quality of 1 to 100, for people: what is measured should not go through a JPEG.
+pub fn encode_jpeg(image: &Image, quality: u8) -> Result<Vec<u8>, ImageError> {
+    let refused = || ImageError::Encode(image.width, image.height);
+    let size = |n: usize| u16::try_from(n).ok().filter(|&n| n > 0).ok_or_else(refused);
+    let (width, height) = (size(image.width)?, size(image.height)?);
+    let scaled;
+    let samples = match &image.samples {
+        Samples::Eight(samples) => samples,
+        sixteen => {
+            scaled = sixteen.to_eight();
+            &scaled
+        }
+    };
+    if samples.len() != 3 * image.width * image.height {
+        return Err(refused());
+    }
+    let mut bytes = Vec::with_capacity(samples.len() / 8);
+    JpegEncoder::new_with_quality(&mut bytes, quality.clamp(1, 100))
+        .encode(samples, width.into(), height.into(), ExtendedColorType::Rgb8)
+        .map_err(|_| refused())?;
+    Ok(bytes)
+}
+
+/// Decodes frame after frame into the same buffers.
+#[derive(Debug, Clone)]
+pub struct ImageDecoder {
+    jpeg: JpegReader,
+    image: Image,
+}
+
+impl Default for ImageDecoder {
+    fn default() -> Self {
+        Self { jpeg: JpegReader::default(), image: Image::empty() }
+    }
+}
+
+impl ImageDecoder {
+    /// One that decodes JPEGs as exactly as that; by default it is for people.
+    pub fn with_jpegs_of(depth: JpegDepth) -> Self {
+        Self { jpeg: JpegReader::new(depth), ..Self::default() }
+    }
+
+    /// Decodes a JPEG or PNG. A truncated one is an error, not half an image, and so is one that does not have the size
+    /// (width, height) `expected`.
+    pub fn decode(&mut self, bytes: &[u8], expected: Option<(usize, usize)>) -> Result<&Image, ImageError> {
+        self.decode_rows(bytes, expected, 0..usize::MAX)
+    }
+
+    /// Decodes at least these rows; the image's other rows may be left over from earlier frames.
+    ///
+    /// An exactly decoded JPEG is not read below the last of the rows. What is noticed then: a missing end, restart markers
+    /// that are missing or in disorder anywhere, data that end before the rows do or that no JPEG can have. What is not: damage
+    /// below the rows, and without restart markers a part that is missing above or among them, which moves what follows up
+    /// and to the left until the data run out at the end.
+    pub fn decode_rows(
+        &mut self,
+        bytes: &[u8],
+        expected: Option<(usize, usize)>,
+        rows: Range<usize>,
+    ) -> Result<&Image, ImageError> {
+        match bytes {
+            [0xff, 0xd8, ..] => self.jpeg.decode_into(bytes, expected, rows, &mut self.image)?,
+            [0x89, b'P', b'N', b'G', ..] => self.image = decode_png(bytes, expected)?,
+            _ => return Err(ImageError::UnknownFormat),
+        }
+        Ok(&self.image)
+    }
+
+    /// Decodes `rows` of a raw frame, with 16 bits a sample; the image's other rows are left over from earlier frames.
+    pub fn decode_sensor(
+        &mut self,
+        format: &SensorFormat,
+        bytes: &[u8],
+        rows: Range<usize>,
+    ) -> Result<&Image, ImageError> {
+        format.decode_rows(bytes, rows, &mut self.image)?;
+        Ok(&self.image)
+    }
+}
+
+/// An error unless the sizes (width, height) agree, or if there is no room for that size.
+pub(super) fn check_size(got: (usize, usize), expected: Option<(usize, usize)>) -> Result<(), ImageError> {
+    match expected {
+        Some(expected) if got != expected => Err(ImageError::WrongSize { got, expected }),
+        _ if got.0.saturating_mul(got.1) > MOST_PIXELS => Err(ImageError::TooLarge(got.0, got.1)),
+        _ => Ok(()),
+    }
+}
+
+fn decode_png(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<Image, ImageError> {
+    use image::{DynamicImage, ImageDecoder as _};
+
+    let broken = |e: image::ImageError| ImageError::Png(one_line(&e));
+    let reader = image::ImageReader::with_format(Cursor::new(bytes), image::ImageFormat::Png);
+    let decoder = reader.into_decoder().map_err(broken)?;
+    let (width, height) = decoder.dimensions();
+    let (width, height) = (width as usize, height as usize);
+    check_size((width, height), expected)?;
+    let decoded = DynamicImage::from_decoder(decoder).map_err(broken)?;
+    let samples = match decoded {
+        DynamicImage::ImageLuma16(_)
+        | DynamicImage::ImageLumaA16(_)
+        | DynamicImage::ImageRgb16(_)
+        | DynamicImage::ImageRgba16(_) => Samples::Sixteen(decoded.into_rgb16().into_raw()),
+        other => Samples::Eight(other.into_rgb8().into_raw()),
+    };
+    Ok(Image { width, height, samples })
+}
+
+pub(super) fn one_line(error: &dyn std::fmt::Display) -> String {
+    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn png(image: image::DynamicImage) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+        bytes.into_inner()
+    }
+
+    /// A 16 x 16 JPEG of one colour (baseline, made with a stock encoder).
+    const JPEG: &[u8] = include_bytes!("testdata/grey16.jpg");
+
+    #[test]
+    fn sixteen_bit_png_keeps_its_codes() {
+        let rgb: Vec<u16> = (0..3 * 4 * 2).map(|k| k * 2500).collect();
+        let buffer = image::ImageBuffer::from_raw(4, 2, rgb.clone()).unwrap();
+        let decoded = decode(&png(image::DynamicImage::ImageRgb16(buffer))).unwrap();
+        assert_eq!(decoded, Image { width: 4, height: 2, samples: Samples::Sixteen(rgb) });
+    }
+
+    #[test]
+    fn an_image_that_claims_to_be_huge_is_refused_before_there_is_room_for_it() {
+        let refused = decode(include_bytes!("../../../fuzz/corpus/png/huge.png")).unwrap_err();
+        assert_eq!(
+            refused.to_string(),
+            "the image has 40 x 1744830464 pixels, expected 7680 x 4320 or as many at most"
+        );
+        let mut jpeg = JPEG.to_vec();
+        let frame = jpeg.windows(2).position(|m| m == [0xff, 0xc0]).unwrap();
+        jpeg[frame + 5..frame + 9].fill(0x3f);
+        assert!(matches!(decode(&jpeg), Err(ImageError::TooLarge(0x3f3f, 0x3f3f))));
+    }
+
+    #[test]
+    fn grey_and_alpha_come_out_as_three_channels() {
+        let buffer = image::ImageBuffer::from_raw(2, 1, vec![10u8, 255, 200, 0]).unwrap();
+        let decoded = decode(&png(image::DynamicImage::ImageLumaA8(buffer))).unwrap();
+        assert_eq!(decoded.samples, Samples::Eight(vec![10, 10, 10, 200, 200, 200]));
+    }
+
+    #[test]
+    fn a_jpeg_decodes_and_a_truncated_one_is_an_error() {
+        let decoded = decode(JPEG).unwrap();
+        assert_eq!((decoded.width, decoded.height), (16, 16));
+        for cut in [3, 20, JPEG.len() / 2, JPEG.len() - 1] {
+            decode(&JPEG[..cut]).expect_err("truncated");
+        }
+    }
+
+    #[test]
+    fn an_encoded_image_is_the_image_again() {
+        let codes: Vec<u16> = (0..3 * 40 * 24).map(|k| 20_000 + 257 * (k / 40) as u16).collect();
+        let image = Image { width: 40, height: 24, samples: Samples::Sixteen(codes) };
+        let decoded = decode(&encode_jpeg(&image, 100).unwrap()).unwrap();
+        let (Samples::Eight(decoded), expected) = (decoded.samples, image.samples.to_eight()) else { unreachable!() };
+        assert!(decoded.iter().zip(expected).all(|(&d, e)| d.abs_diff(e) <= 2));
+        assert!(encode_jpeg(&image, 30).unwrap().len() < encode_jpeg(&image, 90).unwrap().len());
+        encode_jpeg(&Image::empty(), 90).expect_err("no pixels");
+    }
+
+    proptest! {
+        #[test]
+        fn damaged_files_never_panic(which in any::<bool>(), at in 2usize..600, with in any::<u8>(), cut in 2usize..2000) {
+            let mut bytes = if which {
+                JPEG.to_vec()
+            } else {
+                png(image::DynamicImage::ImageRgb8(image::ImageBuffer::from_pixel(9, 7, image::Rgb([1, 2, 3]))))
+            };
+            let length = bytes.len();
+            bytes[at % length] = with;
+            bytes.truncate(cut.min(length));
+            let _ = decode(&bytes);
+        }
+    }
+}

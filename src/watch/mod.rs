@@ -1,0 +1,24 @@
+//! The frame loop: from a source's frames to updates that everyone shares.
+//!
+//! One thread captures, one solves; between them is a slot for the newest frame ([`Mailbox`]). Each solved frame becomes
+//! one immutable update ([`doorcam_engine::Published`]), serialised once, in the [`Hub`].
+
+mod calibration_store;
+mod calibrator;
+mod hub;
+mod mailbox;
+mod meters;
+mod recent;
+mod recordings;
+mod run;
+mod tap;
+mod zones;
+
+pub use calibration_store::{CalibrationStore, StoreError};
+pub use calibrator::{CalibrationRefused, CalibrationReport, Calibrator, Keeping};
+pub use hub::{Hub, Seen, Status};
+pub use mailbox::{Mailbox, Taken};
+pub use recent::{PathPoint, TrackHistory};
+pub use recordings::{RecordingRefused, RecordingReport, RecordingWish, Recordings};
+pub use run::{Command, Control, Running, start};
+pub use zones::{ZoneKeeper, ZoneOrigin, ZonesRefused};

@@ -1,0 +1,226 @@
+//! Recordings of what a running source gives: begun and ended by whoever watches, never in the way of the frame loop.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use crate::watch::Hub;
+use doorcam_core::calibration::Calibration;
+use doorcam_source::SourceState;
+use doorcam_source::recorder::{RecordError, Recorder, RecordingLimits, RecordingPlan, RecordingStatus};
+use doorcam_source::recording::{Layout, Manifest};
+
+/// What somebody wants to record; all of it can be left out.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RecordingWish {
+    /// Its directory's name; the time of its beginning.
+    pub name: Option<String>,
+    /// It ends after so many seconds; [`Recordings::SECONDS`].
+    pub seconds: Option<f64>,
+    /// The room is empty for so many seconds from the first frame on, 0 if it never is; [`Recordings::EMPTY_SECONDS`].
+    pub empty_seconds: Option<f64>,
+}
+
+/// GET /api/v1/recording.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct RecordingReport {
+    /// Whether one can be begun now.
+    pub possible: bool,
+    /// Why not.
+    #[schema(required)]
+    pub reason: Option<String>,
+    /// The directory in which they are kept, each in its own; none if there is no place for them.
+    #[schema(required, value_type = Option<String>)]
+    pub directory: Option<PathBuf>,
+    /// Seconds after which one ends at the latest.
+    pub most_seconds: f64,
+    /// Bytes before which one ends.
+    pub most_bytes: u64,
+    /// The one under way, or the last one; none before the first.
+    #[schema(required)]
+    pub recording: Option<RecordingStatus>,
+}
+
+/// Why nothing is recorded.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingRefused {
+    /// There is no directory for recordings.
+    #[error("there is no place for recordings, expected --storage DIR, storage.directory or $HOME")]
+    NoPlace,
+    /// One at a time.
+    #[error("a recording is under way already")]
+    Busy,
+    /// There will be no frames.
+    #[error("the source has ended: no frames will come to record")]
+    Ended,
+    /// A recording needs to know where the floor is.
+    #[error("the camera is not calibrated yet: a recording of it could not be replayed")]
+    Uncalibrated,
+    /// The camera's pictures are not those that the calibration is for.
+    #[error("the calibration is for {} x {} pixels, the camera gives {} x {}", .0[0], .0[1], .1[0], .1[1])]
+    Size([usize; 2], [usize; 2]),
+    /// No name for a directory.
+    #[error("name is {0:?}, expected 1 to {LONGEST_NAME} letters, digits, spaces and -_. with no . at the start")]
+    Name(String),
+    /// No length that a recording can have.
+    #[error("{0} is {1}, expected a number of seconds {2}")]
+    Seconds(&'static str, f64, String),
+    /// Nothing is being recorded.
+    #[error("nothing is being recorded")]
+    NotRecording,
+    /// It cannot be written.
+    #[error(transparent)]
+    Write(#[from] RecordError),
+}
+
+const LONGEST_NAME: usize = 64;
+
+/// Records what a running source gives, one recording at a time, each in a directory of its own.
+pub struct Recordings {
+    directory: Option<PathBuf>,
+    /// What the source says of itself; none for a camera, whose calibration tells.
+    manifest: Option<Manifest>,
+    hub: Arc<Hub>,
+    /// Held while one is begun or ended.
+    changing: Mutex<()>,
+}
+
+impl Recordings {
+    /// Length of a recording unless somebody says otherwise, in seconds.
+    pub const SECONDS: f64 = 60.0;
+    /// Seconds at the start that show the empty room unless somebody says otherwise.
+    pub const EMPTY_SECONDS: f64 = 3.0;
+    /// The longest one, in seconds.
+    pub const MOST_SECONDS: f64 = 3600.0;
+    /// The largest one, in bytes.
+    pub const MOST_BYTES: u64 = 4_000_000_000;
+
+    /// In `directory`, which is made with the first one. A source that is no camera has its `manifest`.
+    pub fn new(directory: Option<PathBuf>, manifest: Option<Manifest>, hub: Arc<Hub>) -> Self {
+        Self { directory, manifest, hub, changing: Mutex::new(()) }
+    }
+
+    /// What there is to say, with the `calibration` in use.
+    pub fn report(&self, calibration: Option<&Calibration>) -> RecordingReport {
+        let reason = self.ready(calibration).err().map(|e| e.to_string());
+        RecordingReport {
+            possible: reason.is_none(),
+            reason,
+            directory: self.directory.clone(),
+            most_seconds: Self::MOST_SECONDS,
+            most_bytes: Self::MOST_BYTES,
+            recording: self.hub.recording(),
+        }
+    }
+
+    /// Begins one, of a camera with this `calibration`.
+    pub fn start(&self, wish: &RecordingWish, calibration: Option<&Calibration>) -> Result<(), RecordingRefused> {
+        let _changing = self.changing.lock().unwrap_or_else(PoisonError::into_inner);
+        let directory = self.ready(calibration)?;
+        let empty = wish.empty_seconds.unwrap_or(Self::EMPTY_SECONDS);
+        if !(0.0..Self::MOST_SECONDS).contains(&empty) {
+            let range = format!("from 0 to below {}", Self::MOST_SECONDS);
+            return Err(RecordingRefused::Seconds("empty_seconds", empty, range));
+        }
+        // Something of it must be left after a long time of an empty room.
+        let usual = if empty < Self::SECONDS { Self::SECONDS } else { (2.0 * empty).min(Self::MOST_SECONDS) };
+        let seconds = wish.seconds.unwrap_or(usual);
+        if !(seconds > empty && seconds <= Self::MOST_SECONDS) {
+            let range = format!("above those of the empty room ({empty}) and at most {}", Self::MOST_SECONDS);
+            return Err(RecordingRefused::Seconds("seconds", seconds, range));
+        }
+        let now = Timestamp::now();
+        let name = wish.name.clone().unwrap_or_else(|| now.strftime("%Y-%m-%d %H.%M.%S UTC").to_string());
+        check_name(&name)?;
+        let plan = RecordingPlan {
+            manifest: self.manifest(calibration, now)?,
+            empty_seconds: (empty > 0.0).then_some(empty),
+            calibrated: true,
+            limits: RecordingLimits { seconds: Some(seconds), frames: None, bytes: Some(Self::MOST_BYTES) },
+        };
+        let recorder = Recorder::start(&directory.join(&name), plan)?;
+        tracing::info!("recording {seconds} s into {}", directory.join(&name).display());
+        self.hub.tap().begin(recorder);
+        Ok(())
+    }
+
+    /// Ends the one under way, and waits until it is on the disk.
+    pub fn stop(&self) -> Result<(), RecordingRefused> {
+        let _changing = self.changing.lock().unwrap_or_else(PoisonError::into_inner);
+        if !self.hub.tap().is_recording() {
+            return Err(RecordingRefused::NotRecording);
+        }
+        self.finish();
+        Ok(())
+    }
+
+    /// Ends what is under way, if anything is.
+    pub fn finish(&self) {
+        if let Some(status) = self.hub.tap().end() {
+            let (name, written) = (status.directory.display(), &status.written);
+            tracing::info!("recorded {} frames in {:.1} s: {name}", written.frames, written.seconds);
+        }
+    }
+
+    /// The directory, if one can be begun now.
+    fn ready(&self, calibration: Option<&Calibration>) -> Result<&Path, RecordingRefused> {
+        let directory = self.directory.as_deref().ok_or(RecordingRefused::NoPlace)?;
+        if matches!(self.hub.source_state(), SourceState::Ended | SourceState::Failed) {
+            return Err(RecordingRefused::Ended);
+        }
+        if self.hub.tap().is_recording() {
+            return Err(RecordingRefused::Busy);
+        }
+        match (&self.manifest, calibration, self.hub.size()) {
+            (None, None, _) => Err(RecordingRefused::Uncalibrated),
+            (None, Some(calibration), Some(size)) if calibration.size != size => {
+                Err(RecordingRefused::Size(calibration.size, size))
+            }
+            _ => Ok(directory),
+        }
+    }
+
+    fn manifest(&self, calibration: Option<&Calibration>, now: Timestamp) -> Result<Manifest, RecordingRefused> {
+        let recorded = now.strftime("recorded %F %R UTC").to_string();
+        let Some(of_source) = &self.manifest else {
+            let calibration = calibration.ok_or(RecordingRefused::Uncalibrated)?;
+            return Ok(Manifest::of_camera(calibration, self.hub.fps(), recorded));
+        };
+        let mut manifest = of_source.clone();
+        if let Some(calibration) = calibration.filter(|_| manifest.layout == Layout::Camera) {
+            manifest.set_calibration(calibration);
+        }
+        manifest.notes = if manifest.notes.is_empty() { recorded } else { format!("{} ({recorded})", manifest.notes) };
+        // The source's own frames of the empty room need not be among those that are recorded.
+        manifest.background_frames = None;
+        Ok(manifest)
+    }
+}
+
+fn check_name(name: &str) -> Result<(), RecordingRefused> {
+    let fits = |c: char| c.is_alphanumeric() || " -_.".contains(c);
+    let count = name.chars().count();
+    if !(1..=LONGEST_NAME).contains(&count) || !name.chars().all(fits) || name.starts_with('.') || name.trim() != name {
+        return Err(RecordingRefused::Name(name.into()));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_stays_in_its_directory() {
+        for name in ["evening", "2026-11-25 22.37.01 UTC", "Tür_2"] {
+            check_name(name).unwrap();
+        }
+        for name in ["", ".", "..", ".hidden", "a/b", "a\\b", "a\0", " a", "a ", &"x".repeat(65)] {
+            assert!(check_name(name).unwrap_err().to_string().contains("expected 1 to 64 letters"), "{name:?}");
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! The zones in use: replaced and kept on disk while frames go on.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use crate::config::{ConfigError, check_zones};
+use crate::watch::{Command, Control, Hub};
+use doorcam_core::tracking::Zone;
+use doorcam_source::files::replace;
+
+/// Where the zones in use come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ZoneOrigin {
+    /// The configuration file.
+    Config,
+    /// They were drawn, and outlive this run.
+    Saved,
+    /// They were drawn, and end with this run: there is no place to keep them.
+    Run,
+}
+
+/// Why other zones are not in use now.
+#[derive(Debug, thiserror::Error)]
+pub enum ZonesRefused {
+    /// They are no zones.
+    #[error(transparent)]
+    Unfit(#[from] ConfigError),
+    /// Their file cannot be read or written.
+    #[error("{}: {reason}", .file.display())]
+    Store {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
+/// Replaces zones and keeps them.
+pub struct ZoneKeeper {
+    file: Option<PathBuf>,
+    hub: Arc<Hub>,
+    control: Control,
+    state: Mutex<State>,
+}
+
+struct State {
+    configured: Vec<Zone>,
+    origin: ZoneOrigin,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Kept {
+    zones: Vec<Zone>,
+}
+
+impl ZoneKeeper {
+    /// For a run whose frames `control` steers. `configured` are the configuration's; those in use are of `origin`.
+    pub fn new(
+        configured: Vec<Zone>,
+        file: Option<PathBuf>,
+        origin: ZoneOrigin,
+        hub: Arc<Hub>,
+        control: Control,
+    ) -> Self {
+        Self { file, hub, control, state: Mutex::new(State { configured, origin }) }
+    }
+
+    /// What a file keeps; none if nothing was kept.
+    pub fn load(file: &Path) -> Result<Option<Vec<Zone>>, ZonesRefused> {
+        let failed = |reason: String| ZonesRefused::Store { file: file.to_owned(), reason };
+        let text = match std::fs::read_to_string(file) {
+            Ok(text) => text,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(failed(format!("cannot be read: {e}"))),
+        };
+        let Kept { zones } = serde_json::from_str(&text).map_err(|e| failed(format!("has no zones: {e}")))?;
+        check_zones(&zones).map_err(|e| failed(e.to_string()))?;
+        Ok(Some(zones))
+    }
+
+    /// Where those in use come from.
+    pub fn origin(&self) -> ZoneOrigin {
+        self.state().origin
+    }
+
+    /// Takes over the zones of a configuration that was read again; those that were drawn stay in use.
+    pub fn reconfigure(&self, zones: Vec<Zone>) {
+        let mut state = self.state();
+        state.configured.clone_from(&zones);
+        if state.origin == ZoneOrigin::Config {
+            self.go_on_with(zones);
+        }
+    }
+
+    /// Uses other zones from the next frame on, and keeps them if there is a place to.
+    pub fn replace(&self, zones: Vec<Zone>) -> Result<(), ZonesRefused> {
+        check_zones(&zones)?;
+        let mut state = self.state();
+        let next = match &self.file {
+            Some(file) => {
+                let mut text = serde_json::to_vec_pretty(&Kept { zones: zones.clone() }).unwrap_or_default();
+                text.push(b'\n');
+                replace(file, &text).map_err(|e| self.failed(&format!("cannot be written: {e}")))?;
+                ZoneOrigin::Saved
+            }
+            None => ZoneOrigin::Run,
+        };
+        self.go_on_with(zones);
+        state.origin = next;
+        Ok(())
+    }
+
+    /// Goes back to the configuration's zones and forgets what was kept.
+    pub fn forget(&self) -> Result<(), ZonesRefused> {
+        let mut state = self.state();
+        if let Some(file) = &self.file {
+            match std::fs::remove_file(file) {
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(self.failed(&format!("cannot be removed: {e}")));
+                }
+                _ => {}
+            }
+        }
+        self.go_on_with(state.configured.clone());
+        state.origin = ZoneOrigin::Config;
+        Ok(())
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// At once for whoever asks, with the next frame for the tracks; where none comes any more, nobody is in a zone either.
+    fn go_on_with(&self, zones: Vec<Zone>) {
+        self.hub.use_zones(zones.clone());
+        self.control.tell(Command::UseZones(zones));
+    }
+
+    fn failed(&self, reason: &str) -> ZonesRefused {
+        ZonesRefused::Store { file: self.file.clone().unwrap_or_default(), reason: reason.into() }
+    }
+}

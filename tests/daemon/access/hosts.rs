@@ -1,0 +1,99 @@
+//! Names and origins: DNS rebinding, and pages of other sites.
+
+use std::io::{Read, Write};
+
+use super::client::{Guarded, READ, bearer, connect, exchange};
+
+#[test]
+fn a_name_that_is_not_its_own_gets_nothing() {
+    let doorcam = Guarded::start(&[]);
+    let port = doorcam.address().port();
+    for host in [format!("localhost:{port}"), "127.0.0.1".into(), format!("[::1]:{port}"), "127.0.0.1:1".into()] {
+        assert_eq!(doorcam.ask("GET", "/api/v1/status", &[("Host", &host)]).status, 200, "{host}");
+    }
+    for host in ["evil.example", &format!("evil.example:{port}"), "192.168.1.2", "localhost.evil.example"] {
+        for path in ["/", "/api/v1/status", "/metrics", "/livez", "/nothing"] {
+            let answer = doorcam.ask("GET", path, &[("Host", host)]);
+            assert_eq!(answer.status, 403, "{host}{path}");
+            assert!(answer.problem()["detail"].as_str().unwrap().contains("access.allowed_hosts"));
+        }
+        assert_eq!(doorcam.upgrade(&[("Host", host)]), 403);
+    }
+    // No name, two of them, and one in the request line that differs.
+    let address = doorcam.address();
+    let raw = |head: &str| exchange(address, &format!("{head}Connection: close\r\n\r\n")).status;
+    assert_eq!(raw("GET /api/v1/status HTTP/1.1\r\n"), 400);
+    assert_eq!(raw("GET /api/v1/status HTTP/1.1\r\nHost: localhost\r\nHost: evil.example\r\n"), 400);
+    assert_eq!(raw("GET http://evil.example/api/v1/status HTTP/1.1\r\nHost: localhost\r\n"), 403);
+}
+
+#[test]
+fn a_configured_name_is_its_own() {
+    let doorcam = Guarded::configured("[access]\nallowed_hosts = [\"door.lan\"]\n", &[]);
+    assert_eq!(doorcam.ask("GET", "/api/v1/status", &[("Host", "Door.LAN:8443")]).status, 200);
+    assert_eq!(doorcam.ask("GET", "/api/v1/status", &[("Host", "xdoor.lan")]).status, 403);
+}
+
+#[test]
+fn pages_of_other_sites_change_nothing_and_do_not_listen() {
+    let doorcam = Guarded::start(&[]);
+    let own = format!("http://{}", doorcam.address());
+    let reset = |headers: &[(&str, &str)]| doorcam.ask("POST", "/api/v1/background/reset", headers).status;
+    assert_eq!(reset(&[]), 202, "what is no browser tells no origin");
+    assert_eq!(reset(&[("Origin", &own), ("Sec-Fetch-Site", "same-origin")]), 202);
+    let others = ["http://evil.example", "null", "http://127.0.0.1:1", "https://localhost"];
+    for origin in others {
+        assert_eq!(reset(&[("Origin", origin)]), 403, "{origin}");
+        assert_eq!(doorcam.upgrade(&[("Origin", origin)]), 403, "{origin}");
+        assert_eq!(doorcam.ask("PUT", "/api/v1/calibration", &[("Origin", origin)]).status, 403, "{origin}");
+    }
+    assert_eq!(reset(&[("Sec-Fetch-Site", "cross-site")]), 403);
+    assert_eq!((doorcam.upgrade(&[]), doorcam.upgrade(&[("Origin", &own)])), (101, 101));
+    // Reading is possible from anywhere; that the reader's browser hands nothing on is CORS, of which there is none.
+    let seen = doorcam.ask("GET", "/api/v1/status", &[("Origin", "http://evil.example")]);
+    assert_eq!((seen.status, seen.header("access-control-allow-origin")), (200, None));
+    let asked = [("Origin", "http://evil.example"), ("Access-Control-Request-Method", "PUT")];
+    let preflight = doorcam.ask("OPTIONS", "/api/v1/calibration", &asked);
+    assert_eq!(preflight.header("access-control-allow-origin"), None);
+}
+
+#[test]
+fn pages_of_configured_origins_may_ask() {
+    let config = "[access]\nallowed_origins = [\"https://dash.example\"]\n";
+    let doorcam = Guarded::configured(config, &[("DOORCAM_READ_TOKEN", READ)]);
+    let origin = ("Origin", "https://dash.example");
+    let preflight = doorcam.ask(
+        "OPTIONS",
+        "/api/v1/status",
+        &[origin, ("Access-Control-Request-Method", "GET"), ("Access-Control-Request-Headers", "authorization")],
+    );
+    assert_eq!(preflight.status, 200, "a browser sends no token with its question");
+    assert_eq!(preflight.header("access-control-allow-origin"), Some("https://dash.example"));
+    assert!(preflight.header("access-control-allow-headers").unwrap().contains("authorization"));
+    let answer = doorcam.ask("GET", "/api/v1/status", &[origin, ("Authorization", &bearer(READ))]);
+    assert_eq!((answer.status, answer.header("access-control-allow-origin")), (200, Some("https://dash.example")));
+    assert_eq!(answer.header("access-control-allow-credentials"), None);
+    assert_eq!(doorcam.upgrade(&[origin, ("Authorization", &bearer(READ))]), 101);
+    let other =
+        doorcam.ask("GET", "/api/v1/status", &[("Origin", "https://evil.example"), ("Authorization", &bearer(READ))]);
+    assert_eq!(other.header("access-control-allow-origin"), None);
+}
+
+#[test]
+fn a_live_socket_of_the_page_still_works() {
+    let doorcam = Guarded::start(&[]);
+    let address = doorcam.address();
+    let mut stream = connect(address);
+    let request = format!(
+        "GET /api/v1/live HTTP/1.1\r\nHost: {address}\r\nOrigin: http://{address}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
+         Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+    );
+    stream.write_all(request.as_bytes()).unwrap();
+    let mut seen = Vec::new();
+    while !String::from_utf8_lossy(&seen).contains("\"sequence\"") {
+        let mut more = [0; 4096];
+        let got = stream.read(&mut more).unwrap();
+        assert!(got > 0, "{}", String::from_utf8_lossy(&seen));
+        seen.extend_from_slice(&more[..got]);
+    }
+}

@@ -1,0 +1,19 @@
+//! Pictures of the visible side can be switched off.
+
+use super::client::Guarded;
+
+#[test]
+fn pictures_of_the_visible_side_are_withheld_where_they_are_switched_off() {
+    let doorcam = Guarded::configured("[access]\nimages = false\n", &[]);
+    for path in ["/api/v1/frame.jpg", "/api/v1/stream.mjpg", "/api/v1/patches.png"] {
+        let refused = doorcam.ask("GET", path, &[]);
+        assert_eq!(refused.status, 403, "{path}");
+        assert!(refused.problem()["detail"].as_str().unwrap().contains("access.images"));
+    }
+    doorcam.daemon.wait_for("a map", |s| s["state"] == "watching");
+    assert_eq!(doorcam.ask("GET", "/api/v1/reconstruction", &[]).status, 200);
+    assert!(doorcam.ask("GET", "/api/v1/session", &[]).body.contains("\"images\":false"));
+    assert_eq!(doorcam.ask("GET", "/api/v1/difference.png", &[]).status, 200);
+    // A recording of patches has no such picture: it is not the switch that says so.
+    assert_eq!(Guarded::start(&[]).ask("GET", "/api/v1/frame.jpg", &[]).status, 404);
+}

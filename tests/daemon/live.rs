@@ -1,0 +1,112 @@
+//! The live socket: its messages are as described, and who is slow gets the newest and a count of what was missed.
+
+use std::net::TcpStream;
+use std::time::Duration;
+
+use crate::common::{Daemon, grey_recording, manifest};
+use serde_json::{Value, json};
+use tungstenite::WebSocket;
+
+/// A loop of the empty room, then with a part of the floor brighter, so that there is a map.
+fn recording() -> tempfile::TempDir {
+    let dir = grey_recording(&manifest(), 9);
+    for index in 6..9 {
+        std::fs::remove_file(dir.path().join(format!("frames/{index:08}_left.jpg"))).unwrap();
+        let image = image::RgbImage::from_fn(16, 16, |x, _| image::Rgb(if x < 8 { [120; 3] } else { [150, 120, 120] }));
+        image.save(dir.path().join(format!("frames/{index:08}_left.png"))).unwrap();
+    }
+    dir
+}
+
+fn next(socket: &mut WebSocket<TcpStream>) -> Value {
+    loop {
+        if let tungstenite::Message::Text(text) = socket.read().expect("a message") {
+            return serde_json::from_str(&text).expect("JSON");
+        }
+    }
+}
+
+/// The schema of messages, which moreover allows no key that it does not describe.
+fn closed_schema() -> Value {
+    let mut schema: Value = serde_json::from_str(doorcam::server::live_schema_json()).unwrap();
+    for (name, part) in schema["$defs"].as_object_mut().unwrap() {
+        // A message is an update and one key more: what is neither shows in the whole only.
+        if name == "LiveMessage" {
+            part["unevaluatedProperties"] = json!(false);
+        } else if name != "Update" && part["type"] == "object" {
+            part["additionalProperties"] = json!(false);
+        }
+    }
+    schema
+}
+
+#[test]
+fn every_message_is_as_the_schema_says() {
+    let dir = recording();
+    let zones = dir.path().join("zones.toml");
+    std::fs::write(&zones, "[[zones]]\nname = \"bed\"\npolygon_m = [[-1, 1], [1, 1], [1, 2]]\n").unwrap();
+    let daemon =
+        Daemon::start(&format!("replay:{},loop", dir.path().display()), &["--config", zones.to_str().unwrap()]);
+    let schema = jsonschema::validator_for(&closed_schema()).expect("a schema");
+    let mut socket = daemon.live();
+    let (mut facets, mut states) = (0, std::collections::BTreeSet::new());
+    for _ in 0..30 {
+        let message = next(&mut socket);
+        let wrong: Vec<String> = schema.iter_errors(&message).map(|e| format!("{}: {e}", e.instance_path())).collect();
+        assert!(wrong.is_empty(), "{wrong:#?}\n{message}");
+        facets += message["facets"].as_array().unwrap().len();
+        states.insert(message["state"].to_string());
+    }
+    assert!(facets > 0 && states.len() > 1, "the run shows something: {facets} facets, {states:?}");
+    // The schema refuses what it should.
+    let mut wrong = next(&mut socket);
+    wrong["tracks"] = json!([{"id": 1}]);
+    assert!(!schema.is_valid(&wrong));
+    wrong["tracks"] = json!([]);
+    assert!(schema.is_valid(&wrong));
+    wrong["surprise"] = json!(1);
+    assert!(!schema.is_valid(&wrong));
+}
+
+/// A client whose system takes next to nothing that it has not read.
+fn narrow(daemon: &Daemon) -> WebSocket<TcpStream> {
+    let address: std::net::SocketAddr = daemon.url.trim_start_matches("http://").parse().unwrap();
+    let socket = socket2::Socket::new(socket2::Domain::IPV4, socket2::Type::STREAM, None).unwrap();
+    socket.set_recv_buffer_size(4096).unwrap();
+    socket.connect(&address.into()).unwrap();
+    let stream = TcpStream::from(socket);
+    stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    tungstenite::client(format!("ws://{address}/api/v1/live"), stream).expect("upgrades").0
+}
+
+#[test]
+fn who_is_slow_gets_the_newest_and_the_count_of_what_was_missed() {
+    let dir = recording();
+    // As fast as it goes: far more than anybody could show.
+    let daemon = Daemon::start(&format!("replay:{},loop,rate=max", dir.path().display()), &[]);
+    let mut slow: Vec<_> = (0..4).map(|_| narrow(&daemon)).collect();
+    std::thread::scope(|scope| {
+        for socket in &mut slow {
+            scope.spawn(move || read_slowly(socket));
+        }
+    });
+}
+
+/// Twenty messages a second, until hundreds between them were missed. (Who reads nothing at all for long is cut off.)
+fn read_slowly(socket: &mut WebSocket<TcpStream>) {
+    let mut last = next(socket)["sequence"].as_u64().unwrap();
+    let (mut whole, mut missed) = (0, 0);
+    while missed < 800 {
+        std::thread::sleep(Duration::from_millis(50));
+        let message = next(socket);
+        let sequence = message["sequence"].as_u64().unwrap();
+        let gap = sequence - last - 1;
+        assert_eq!(message["missed"].as_u64().unwrap_or(0), gap, "the count is that of the gap after {last}");
+        assert_eq!(message.get("missed").is_some(), gap > 0, "it is left out where nothing was missed");
+        missed += gap;
+        // What the system's buffers hold comes first, and nothing else is kept.
+        whole += u64::from(missed == 0);
+        assert!(whole < 100, "{whole} updates one after the other");
+        last = sequence;
+    }
+}

@@ -1,0 +1,37 @@
+//! The real program: each command and each part of the daemon, started on a free port and used as people and other programs
+//! use it.
+
+mod access;
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../../fuzz/inputs.rs"]
+mod inputs;
+
+mod api;
+mod bench;
+mod brightness;
+mod calibration;
+mod crb;
+mod daemon_recording;
+mod endurance;
+mod errors;
+mod evaluate;
+mod examples;
+mod history;
+mod history_kill;
+mod hostile;
+mod live;
+mod mqtt;
+mod openapi;
+mod operations;
+mod page;
+mod people;
+mod record;
+mod reference_authors;
+mod reference_iteration;
+mod reload;
+mod replay;
+mod simulate;
+mod uncertainty;
+mod webhooks;
+mod zones;

@@ -1,0 +1,268 @@
+//! What a real broker is told. Without Debian's mosquitto and mosquitto-clients, these tests say that they were skipped.
+
+use crate::common;
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader};
+use std::net::{TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+use crate::common::Daemon;
+use serde_json::Value;
+
+const LONG: Duration = Duration::from_secs(60);
+const SOURCE: &str = "simulate:busy-doorway,rate=max";
+const ZONES: &str = "[[zones]]\nname = \"Near, left\"\npolygon_m = [[-1.5, 0.2], [0, 0.2], [0, 3], [-1.5, 3]]\n";
+
+/// Ends with the test.
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended already.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn installed() -> bool {
+    let found = ["mosquitto", "mosquitto_sub", "mosquitto_passwd"].into_iter().all(|program| {
+        let paths = std::env::var_os("PATH").unwrap_or_default();
+        std::env::split_paths(&paths).chain([PathBuf::from("/usr/sbin")]).any(|path| path.join(program).exists())
+    });
+    if !found {
+        eprintln!("skipped: no mosquitto here (Debian: mosquitto, mosquitto-clients)");
+    }
+    found
+}
+
+fn free_port() -> u16 {
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
+}
+
+/// A broker that keeps nothing when it ends.
+fn broker(directory: &Path, port: u16, more: &str) -> Process {
+    let file = directory.join("mosquitto.conf");
+    // As root it would become another user, who may not read the test's files.
+    let root = Command::new("id").arg("-u").output().is_ok_and(|id| id.stdout == b"0\n");
+    let user = if root { "user root\n" } else { "" };
+    std::fs::write(&file, format!("listener {port} 127.0.0.1\npersistence false\n{user}{more}")).unwrap();
+    let program = if Path::new("/usr/sbin/mosquitto").exists() { "/usr/sbin/mosquitto" } else { "mosquitto" };
+    let child = Command::new(program).arg("-c").arg(&file).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
+    let begin = Instant::now();
+    while TcpStream::connect(("127.0.0.1", port)).is_err() {
+        assert!(begin.elapsed() < LONG, "mosquitto does not listen");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    Process(child)
+}
+
+/// Somebody who has subscribed to everything.
+struct Subscriber {
+    _process: Process,
+    lines: Receiver<(bool, String, String)>,
+}
+
+impl Subscriber {
+    fn new(port: u16, more: &[&str]) -> Self {
+        let mut child = Command::new("mosquitto_sub")
+            .args(["-h", "127.0.0.1", "-p", &port.to_string(), "-t", "#", "-F", "%r %t %p"])
+            .args(more)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let stdout = BufReader::new(child.stdout.take().unwrap());
+        let (tell, lines) = channel();
+        std::thread::spawn(move || {
+            for line in stdout.lines().map_while(Result::ok) {
+                let mut parts = line.splitn(3, ' ').map(String::from);
+                let (Some(retained), Some(topic), Some(payload)) = (parts.next(), parts.next(), parts.next()) else {
+                    continue;
+                };
+                if tell.send((retained == "1", topic, payload)).is_err() {
+                    return;
+                }
+            }
+        });
+        Self { _process: Process(child), lines }
+    }
+
+    /// The first message that is as wanted.
+    fn wait_for(&self, what: &str, wanted: impl Fn(&str, &str) -> bool) -> (bool, String, String) {
+        let deadline = Instant::now() + LONG;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let message = self.lines.recv_timeout(left).unwrap_or_else(|e| panic!("waited in vain for {what}: {e}"));
+            if wanted(&message.1, &message.2) {
+                return message;
+            }
+        }
+    }
+}
+
+/// What the broker keeps, by topic.
+fn retained(port: u16) -> BTreeMap<String, String> {
+    // It ends after three seconds.
+    let subscriber = Subscriber::new(port, &["--retained-only", "-W", "3"]);
+    subscriber.lines.iter().map(|(_, topic, payload)| (topic, payload)).collect()
+}
+
+fn config(directory: &Path, port: u16, more: &str) -> String {
+    let file = directory.join("doorcam.toml");
+    let text = format!(
+        "[site]\nid = \"hall\"\nname = \"The hall\"\n[mqtt]\nhost = \"127.0.0.1\"\nport = {port}\n{more}\n{ZONES}"
+    );
+    std::fs::write(&file, text).unwrap();
+    file.to_str().unwrap().into()
+}
+
+#[test]
+fn a_broker_knows_who_is_there_and_that_doorcam_died() {
+    if !installed() {
+        return;
+    }
+    let (directory, port) = (tempfile::tempdir().unwrap(), free_port());
+    let _broker = broker(directory.path(), port, "allow_anonymous true\n");
+    let subscriber = Subscriber::new(port, &[]);
+    let mut daemon = Daemon::start(SOURCE, &["--config", &config(directory.path(), port, "")]);
+    subscriber.wait_for("availability", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "online"));
+    subscriber.wait_for("a map", |topic, payload| (topic, payload) == ("doorcam/hall/state", "watching"));
+    subscriber.wait_for("people", |topic, payload| (topic, payload) == ("doorcam/hall/occupancy", "ON"));
+    let number = |payload: &str| payload.parse::<usize>().is_ok_and(|people| people > 0);
+    subscriber.wait_for("a count", |topic, payload| topic == "doorcam/hall/people" && number(payload));
+    let zone = "doorcam/hall/zones/near__left";
+    subscriber
+        .wait_for("somebody in the zone", |topic, payload| topic == format!("{zone}/occupancy") && payload == "ON");
+    let (is_kept, _, tracks) = subscriber
+        .wait_for("tracks", |topic, payload| topic == "doorcam/hall/tracks" && !payload.contains("\"tracks\":[]"));
+    let tracks: Value = serde_json::from_str(&tracks).unwrap();
+    assert!(!is_kept && tracks["tracks"][0]["x_m"].is_number() && tracks["time"].is_string(), "{tracks}");
+    let (is_kept, _, event) = subscriber.wait_for("an event", |topic, _| topic == "doorcam/hall/events");
+    let event: Value = serde_json::from_str(&event).unwrap();
+    let after = event["sequence"].as_i64().unwrap() - 1;
+    let query = if after < 0 { "limit=1000".into() } else { format!("after={after}&limit=1") };
+    let known = daemon.json(&format!("/api/v1/events?{query}"))["events"][0].clone();
+    let alike = |key: &str| assert_eq!(event[key], known[key], "{event} {known}");
+    assert!(!is_kept);
+    ["sequence", "kind", "track", "zone", "time"].into_iter().for_each(alike);
+    let status = daemon.json("/api/v1/status");
+    assert_eq!(
+        (&status["publish"]["mqtt"]["state"], &status["publish"]["mqtt"]["missed"]),
+        (&"connected".into(), &0.into())
+    );
+
+    // Whoever comes later finds the values, and Home Assistant its entities.
+    let kept = retained(port);
+    assert_eq!(kept["doorcam/hall/availability"], "online");
+    assert!(!kept.contains_key("doorcam/hall/tracks") && !kept.contains_key("doorcam/hall/events"));
+    let entities: Vec<(&String, Value)> = kept
+        .iter()
+        .filter(|(topic, _)| topic.starts_with("homeassistant/"))
+        .map(|(topic, payload)| (topic, serde_json::from_str(payload).unwrap()))
+        .collect();
+    assert_eq!(entities.len(), 4, "{kept:?}");
+    let mut ids: Vec<&Value> = entities.iter().map(|(_, entity)| &entity["unique_id"]).collect();
+    ids.dedup();
+    assert!(ids.len() == 4 && ids.iter().all(|id| id.is_string()), "{ids:?}");
+    for (topic, entity) in &entities {
+        let binary = topic.starts_with("homeassistant/binary_sensor/hall/");
+        assert!((binary || topic.starts_with("homeassistant/sensor/hall/")) && topic.ends_with("/config"), "{topic}");
+        let value = &kept[entity["state_topic"].as_str().unwrap()];
+        if binary {
+            assert_eq!(entity["device_class"], "occupancy");
+            assert!([&entity["payload_on"], &entity["payload_off"]].contains(&&Value::from(value.as_str())), "{value}");
+        } else {
+            assert!(value.parse::<usize>().is_ok() && entity["state_class"] == "measurement", "{value}");
+        }
+        for availability in entity["availability"].as_array().unwrap() {
+            assert!(kept.contains_key(availability["topic"].as_str().unwrap()), "{availability}");
+        }
+        assert_eq!(entity["device"]["name"], "The hall");
+        assert!(entity["device"]["identifiers"][0].is_string() && entity["origin"]["name"] == "doorcam");
+    }
+
+    // A signal that cannot be caught: the last will speaks.
+    assert!(Command::new("kill").args(["-KILL", &daemon.id().to_string()]).status().unwrap().success());
+    subscriber.wait_for("the last will", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "offline"));
+    daemon = Daemon::start(SOURCE, &["--config", &config(directory.path(), port, "")]);
+    subscriber.wait_for("its return", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "online"));
+    // A proper end is told, too.
+    assert_eq!(daemon.terminate().1, Some(0));
+    subscriber.wait_for("the end", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "offline"));
+}
+
+#[test]
+fn zones_that_are_drawn_take_the_place_of_those_before() {
+    if !installed() {
+        return;
+    }
+    let (directory, port) = (tempfile::tempdir().unwrap(), free_port());
+    let _broker = broker(directory.path(), port, "allow_anonymous true\n");
+    let subscriber = Subscriber::new(port, &[]);
+    let daemon = Daemon::start(SOURCE, &["--config", &config(directory.path(), port, "")]);
+    subscriber.wait_for("the zone", |topic, _| topic == "doorcam/hall/zones/near__left/people");
+    let drawn = serde_json::json!({"zones": [{"name": "Desk", "polygon_m": [[-1, 1], [1, 1], [1, 2]]}]});
+    assert_eq!(daemon.send("PUT", "/api/v1/zones", &drawn).0, 200);
+    subscriber.wait_for("the other", |topic, _| topic == "doorcam/hall/zones/desk/people");
+    let kept = retained(port);
+    let of = |zone: &str| kept.keys().filter(|topic| topic.contains(zone)).count();
+    assert_eq!((of("near__left"), of("desk")), (0, 4), "occupancy and people, and their announcements: {kept:?}");
+}
+
+#[test]
+fn a_broker_that_forgot_everything_is_told_again() {
+    if !installed() {
+        return;
+    }
+    let (directory, port) = (tempfile::tempdir().unwrap(), free_port());
+    // There is no broker yet, and nothing waits for it.
+    let daemon = Daemon::start(SOURCE, &["--config", &config(directory.path(), port, "home_assistant = \"\"")]);
+    let away = |status: &Value| {
+        let mqtt = &status["publish"]["mqtt"];
+        mqtt["state"] == "connecting" && mqtt["error"].is_string() && status["frames"]["solved"].as_u64() > Some(3)
+    };
+    daemon.wait_for("frames without a broker", away);
+    for _ in 0..2 {
+        let broker = broker(directory.path(), port, "allow_anonymous true\n");
+        daemon.wait_for("a connection", |status| status["publish"]["mqtt"]["state"] == "connected");
+        let subscriber = Subscriber::new(port, &[]);
+        subscriber
+            .wait_for("availability", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "online"));
+        subscriber.wait_for("a count", |topic, _| topic == "doorcam/hall/people");
+        drop(broker);
+        daemon.wait_for("the loss to be noticed", away);
+    }
+}
+
+#[test]
+fn a_password_opens_the_broker_and_is_not_told() {
+    if !installed() {
+        return;
+    }
+    let (directory, port) = (tempfile::tempdir().unwrap(), free_port());
+    let passwords = directory.path().join("passwords");
+    let made =
+        Command::new("mosquitto_passwd").args(["-b", "-c"]).arg(&passwords).args(["door", "s3cret-word"]).status();
+    assert!(made.unwrap().success());
+    let more = format!("allow_anonymous false\npassword_file {}\n", passwords.display());
+    let _broker = broker(directory.path(), port, &more);
+    let file = directory.path().join("password");
+    let keys = format!("username = \"door\"\npassword_file = {file:?}\n");
+    std::fs::write(&file, "another\n").unwrap();
+    let daemon = Daemon::start(SOURCE, &["--config", &config(directory.path(), port, &keys)]);
+    let refused = daemon.wait_for("a refusal", |status| status["publish"]["mqtt"]["error"].is_string());
+    assert!(refused["publish"]["mqtt"]["error"].as_str().unwrap().contains("refused"), "{refused}");
+    drop(daemon);
+    std::fs::write(&file, "s3cret-word\n").unwrap();
+    let daemon = Daemon::start(SOURCE, &["--config", &config(directory.path(), port, &keys)]);
+    let status = daemon.wait_for("a connection", |status| status["publish"]["mqtt"]["state"] == "connected");
+    assert!(!status.to_string().contains("s3cret"), "{status}");
+    drop(daemon);
+    std::fs::remove_file(&file).unwrap();
+    let output = common::run(&["serve", "--source", SOURCE, "--config", &config(directory.path(), port, &keys)]);
+    let said = common::stderr(&output);
+    let expected = format!("doorcam: mqtt.password_file: {}: No such file", file.display());
+    assert!(output.status.code() == Some(1) && said.contains(&expected), "{said}");
+}

@@ -1,0 +1,121 @@
+//! Events, posted to whoever wants them: signed, tried again, given up.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpListener;
+use std::process::{Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
+
+use crate::common::Daemon;
+use serde_json::Value;
+
+const SECRET: &str = "a secret that nobody guesses";
+const LONG: Duration = Duration::from_secs(60);
+
+/// What was posted.
+struct Posted {
+    path: String,
+    headers: BTreeMap<String, String>,
+    body: String,
+}
+
+/// A receiver that answers its first requests with these codes, and then with 204.
+fn receiver(answers: &'static [&'static str]) -> (u16, Receiver<Posted>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let (tell, posted) = channel();
+    std::thread::spawn(move || {
+        for (k, stream) in listener.incoming().enumerate() {
+            let mut stream = stream.unwrap();
+            let mut reader = BufReader::new(stream.try_clone().unwrap());
+            let mut line = String::new();
+            reader.read_line(&mut line).unwrap();
+            let path = line.split(' ').nth(1).unwrap_or_default().to_owned();
+            assert!(line.starts_with("POST "), "{line}");
+            let mut headers = BTreeMap::new();
+            loop {
+                line.clear();
+                reader.read_line(&mut line).unwrap();
+                let Some((name, value)) = line.trim_end().split_once(": ") else { break };
+                headers.insert(name.to_ascii_lowercase(), value.to_owned());
+            }
+            let mut body = vec![0; headers["content-length"].parse().unwrap()];
+            reader.read_exact(&mut body).unwrap();
+            let answer = answers.get(k).unwrap_or(&"204 No Content");
+            write!(stream, "HTTP/1.1 {answer}\r\ncontent-length: 0\r\nconnection: close\r\n\r\n").unwrap();
+            if tell.send(Posted { path, headers, body: String::from_utf8(body).unwrap() }).is_err() {
+                return;
+            }
+        }
+    });
+    (port, posted)
+}
+
+/// HMAC-SHA256 by another program.
+fn openssl(text: &str) -> String {
+    let mut child = Command::new("openssl")
+        .args(["dgst", "-sha256", "-hmac", SECRET])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("openssl (Debian: openssl)");
+    child.stdin.take().unwrap().write_all(text.as_bytes()).unwrap();
+    let output = String::from_utf8(child.wait_with_output().unwrap().stdout).unwrap();
+    output.split_whitespace().last().unwrap().to_owned()
+}
+
+#[test]
+fn events_are_posted_signed_and_tried_again_until_they_are_accepted() {
+    let directory = tempfile::tempdir().unwrap();
+    let (port, posted) = receiver(&["503 Service Unavailable", "500 Internal Server Error"]);
+    let (gone, given_up) = receiver(&["410 Gone"; 100]);
+    let secret = directory.path().join("secret");
+    std::fs::write(&secret, format!("{SECRET}\n")).unwrap();
+    let file = directory.path().join("doorcam.toml");
+    let hook = |port: u16, events: &str| {
+        format!(
+            "[[webhooks]]\nurl = \"http://127.0.0.1:{port}/hook/t0ken?key=k3y\"\nevents = {events}\nsecret_file = {secret:?}\n"
+        )
+    };
+    let hooks = format!("[site]\nid = \"hall\"\n{}{}", hook(port, "[\"enter\"]"), hook(gone, "[]"));
+    std::fs::write(&file, hooks).unwrap();
+    let daemon = Daemon::start("simulate:busy-doorway,rate=max", &["--config", file.to_str().unwrap()]);
+
+    let attempts: Vec<Posted> = (0..4).map(|_| posted.recv_timeout(LONG).expect("a request")).collect();
+    let events: Vec<Value> = attempts.iter().map(|posted| serde_json::from_str(&posted.body).unwrap()).collect();
+    for Posted { path, headers, body } in &attempts {
+        assert_eq!((path.as_str(), headers["content-type"].as_str()), ("/hook/t0ken?key=k3y", "application/json"));
+        let signature = format!("sha256={}", openssl(&format!("{}.{body}", headers["x-doorcam-timestamp"])));
+        assert_eq!(headers["x-doorcam-signature"], signature);
+    }
+    // Twice in vain, then accepted: the same event each time, and only then the next one.
+    let delivery = |k: usize| attempts[k].headers["x-doorcam-delivery"].as_str();
+    assert_eq!((delivery(0), &events[0]), (delivery(2), &events[2]));
+    assert_eq!(delivery(0), delivery(1));
+    assert_ne!(delivery(2), delivery(3));
+    assert!(events.iter().all(|event| event["event"]["kind"] == "enter" && event["site"] == "hall"), "{events:?}");
+    let sequence = events[0]["event"]["sequence"].as_u64().unwrap();
+    assert_eq!(delivery(0), format!("hall-{sequence}"));
+    let known = daemon.json("/api/v1/events?from=2000-01-01T00:00:00Z&kind=enter&limit=1");
+    assert_eq!(known["events"][0]["sequence"], sequence);
+
+    // What a receiver does not want is not offered again.
+    let first: Value = serde_json::from_str(&given_up.recv_timeout(LONG).expect("a request").body).unwrap();
+    let second: Value = serde_json::from_str(&given_up.recv_timeout(LONG).expect("a request").body).unwrap();
+    assert!(second["event"]["sequence"].as_u64() > first["event"]["sequence"].as_u64());
+    let status = daemon.wait_for("the counts", |status| {
+        let hooks = &status["publish"]["webhooks"];
+        hooks[0]["delivered"].as_u64() >= Some(2) && hooks[1]["dead"].as_u64() >= Some(2)
+    });
+    let hooks = &status["publish"]["webhooks"];
+    assert_eq!((&hooks[0]["retried"], &hooks[0]["dead"], &hooks[1]["delivered"]), (&2.into(), &0.into(), &0.into()));
+    assert_eq!(hooks[1]["error"], "it answered 410 Gone");
+    assert_eq!(hooks[0]["url"], format!("http://127.0.0.1:{port}/..."));
+    let said = status.to_string();
+    assert!(!said.contains(SECRET) && !said.contains("t0ken") && !said.contains("k3y"), "{said}");
+    let (_, metrics) = daemon.get("/metrics");
+    let metrics = String::from_utf8(metrics).unwrap();
+    assert!(metrics.contains("doorcam_webhook_retried_total{webhook=\"1\"} 2"), "{metrics}");
+    assert!(metrics.contains("doorcam_webhook_dead_total{webhook=\"2\"}"), "{metrics}");
+}
