@@ -1,21 +1,23 @@
 /** @typedef {"map" | "camera" | "history" | "zones" | "calibration"} View */
 
-// None of these is the id of an element: the browser would scroll there and take the focus along.
+// None of these is the id of an element, or the browser would scroll to it and move the focus there.
 /** @type {Record<View, string>} */
 const ADDRESSES = { map: "", camera: "#camera", history: "#history", zones: "#zones", calibration: "#calibrate" };
 
-/** Which of the page's views is shown: what the address says after its #; the map where it says nothing known. */
+/** Which of the page's views is shown: the one named after the # in the address, or else the map. */
 export class Route {
   /**
    * @param {object} handlers
    * @param {(view: View, before: View) => void} handlers.onShow
-   * @param {(view: View) => true | Promise<boolean>} handlers.mayLeave  somebody may have to decide
+   * @param {(view: View) => true | Promise<boolean>} handlers.mayLeave  a promise where the reader is asked first
    */
   constructor({ onShow, mayLeave }) {
     this.onShow = onShow;
     this.mayLeave = mayLeave;
     /** @type {View} */
     this.view = "map";
+    /** @type {Set<View>} */
+    this.offered = new Set();
     window.addEventListener("hashchange", () => void this.#followed());
   }
 
@@ -35,13 +37,23 @@ export class Route {
     this.#show(view);
   }
 
+  /**
+   * Go to a view that the reader has not asked for. This is done only once, so that they can leave it.
+   * @param {View} view
+   */
+  offer(view) {
+    if (this.offered.has(view)) return;
+    this.offered.add(view);
+    this.go(view);
+  }
+
   /** The reader has used a link, the back button or the address bar. */
   async #followed() {
     const wanted = addressed();
     if (wanted === this.view) return;
     const may = this.mayLeave(this.view);
     if (may === true) return this.#show(wanted);
-    // The address has changed before anybody could be asked: it is put back for as long.
+    // The address has already changed. It goes back to this view until the reader has answered.
     this.#address(this.view);
     if (await may) this.go(wanted);
   }

@@ -1,24 +1,40 @@
-// How the reader wants to see the map: kept in this browser, and no business of the daemon's.
+// How the reader wants to see the map: what the controls around it say. This browser remembers it; the daemon never learns it.
+
+import { byId } from "./dom.js";
+
+/** @import { Choice, Parts } from "./types.js" */
 
 const KEY = "doorcam-view";
 
+/** @returns {Choice} */
+export function choice() {
+  const value = (/** @type {string} */ name) => document.querySelector(`input[name="${name}"]:checked`)?.getAttribute("value");
+  return /** @type {Choice} */ ({ layer: value("layer"), signs: value("signs"), brightness: value("brightness") });
+}
+
+/** @returns {Parts} */
+export function parts() {
+  const shown = [...byId("parts").querySelectorAll("input")].map((input) => [input.id.replace("part-", ""), input.checked]);
+  return /** @type {Parts} */ (Object.fromEntries(shown));
+}
+
 /**
- * Puts every choice back to what it was when this page was last open, and keeps what is chosen from now on.
+ * Restore every setting to what it was when this page was last open, and remember changes from now on.
  * @param {HTMLElement[]} groups  with radio buttons and check boxes
  */
 export function remember(groups) {
   const kept = load();
   const inputs = groups.flatMap((group) => [...group.querySelectorAll("input")]);
   for (const input of inputs) {
-    const choice = kept[nameOf(input)];
-    if (input.type === "radio" && known(inputs, input.name, choice)) input.checked = input.value === choice;
-    if (input.type === "checkbox" && typeof choice === "boolean") input.checked = choice;
+    const last = kept[nameOf(input)];
+    if (input.type === "radio" && known(inputs, input.name, last)) input.checked = input.value === last;
+    if (input.type === "checkbox" && typeof last === "boolean") input.checked = last;
     input.addEventListener("change", () => {
       kept[nameOf(input)] = input.type === "radio" ? input.value : input.checked;
       try {
         localStorage.setItem(KEY, JSON.stringify(kept));
       } catch {
-        // A browser that keeps nothing for this page: the choice is good as long as it is open.
+        // This browser stores nothing for this page: the choice lasts until the page is closed.
       }
     });
   }
@@ -28,7 +44,7 @@ export function remember(groups) {
 const nameOf = (input) => input.name || input.id;
 
 /**
- * Whether a choice is one that this version of the page has.
+ * Whether this version of the page still offers a remembered value.
  * @param {HTMLInputElement[]} inputs
  * @param {string} name
  * @param {unknown} value

@@ -181,7 +181,7 @@ describe("history", () => {
     assert.equal(await kept.innerText(), "Kept in /var/lib/doorcam/history.sqlite, 1.2 MB.");
     mock.status.history = { ...mock.status.history, state: "memory", reason: "/var/lib/doorcam/history.sqlite: database or disk is full", lost: 3 };
     await page.locator("#history-kept.trouble", { hasText: "In memory, until doorcam ends: /var/lib/doorcam/history.sqlite: database or disk is full. 3 entries could not be kept." }).waitFor();
-    mock.status.history = { state: "memory", reason: "of recordings and simulations, a history is kept only in a file", file: null, bytes: 0, lost: 0 };
+    mock.status.history = { state: "memory", reason: "for recordings and simulations, the history is kept only in a file", file: null, bytes: 0, lost: 0 };
     await page.locator("#history-kept:not(.trouble)", { hasText: "In memory" }).waitFor();
   });
 
