@@ -1,4 +1,4 @@
-//! JPEGs decoded for measuring, beside the 8-bit decoder, in one run: quality 90, one core.
+//! Exact JPEG decoding compared with the 8-bit decoder in one run: quality 90, one core.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -45,7 +45,8 @@ fn jpeg(c: &mut Criterion) {
                 ("exact, the middle third", JpegDepth::Exact, third..2 * third),
             ]
             .map(|(way, depth, rows)| (way, ImageDecoder::with_jpegs_of(depth), rows, Duration::MAX));
-            // In turn, the fastest: what else the machine does hits all of them, and none of the fastest.
+            // The fastest of interleaved runs: other load on the machine hits all decoders alike, but not their fastest
+            // runs.
             for _ in 0..100 {
                 for (_, decoder, rows, fastest) in &mut ways {
                     let start = Instant::now();
@@ -55,7 +56,7 @@ fn jpeg(c: &mut Criterion) {
                 }
             }
             for (way, mut decoder, rows, fastest) in ways {
-                println!("{way}: fastest of 100 in turn {fastest:.2?}");
+                println!("{way}: fastest of 100 interleaved runs {fastest:.2?}");
                 c.bench_function(&format!("{width} x {height} {name} {way}"), |b| {
                     b.iter(|| decoder.decode_rows(black_box(&bytes), None, rows.clone()).is_ok())
                 });

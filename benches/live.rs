@@ -1,8 +1,8 @@
-//! How long an update takes to 500 clients of the live socket at 15 updates a second: `cargo bench --bench live`.
+//! Latency of updates to 500 clients of the live socket at 15 updates a second: `cargo bench --bench live`.
 //!
-//! The real program replays a simulated doorway; the clients are threads of this one, on the same machine. What is measured
-//! goes from a frame's capture to the client that has read the whole message: solving the frame is in it, and so is the
-//! clients' own work. Ends with status 1 if the limit is not kept.
+//! The real program replays a simulated doorway; the clients are threads of this program, on the same machine. The
+//! latency runs from a frame's capture until a client has read the whole message, so it includes solving the frame and
+//! the clients' own work. Exits with status 1 if the limit is exceeded.
 
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
@@ -17,15 +17,15 @@ const CLIENTS: usize = 500;
 /// The scenario has 15 frames a second.
 const SCENARIO: &str = "two-crossing";
 const MEASURED: Duration = Duration::from_secs(20);
-/// What 99 of 100 deliveries have to keep to.
+/// Limit that 99 of 100 deliveries must keep.
 const LIMIT_MS: f64 = 100.0;
 
-/// Ends the program with the measurement.
+/// Kills the program when the measurement ends.
 struct Daemon(Child);
 
 impl Drop for Daemon {
     fn drop(&mut self) {
-        // It may have ended already.
+        // It may have exited already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -33,14 +33,14 @@ impl Drop for Daemon {
 
 /// What one client has seen.
 #[derive(Default)]
-struct Seen {
+struct Followed {
     delays_ms: Vec<f64>,
     bytes: usize,
     missed: u64,
 }
 
 fn main() -> ExitCode {
-    // Tests ask only whether it builds.
+    // `cargo test` runs it without `--bench`, only to check that it builds.
     if !std::env::args().any(|argument| argument == "--bench") {
         return ExitCode::SUCCESS;
     }
@@ -49,7 +49,7 @@ fn main() -> ExitCode {
     let made = doorcam().args(["simulate", SCENARIO]).arg(&recording).status().expect("doorcam starts");
     assert!(made.success());
     let source = format!("replay:{},loop", recording.display());
-    // All of them come from one address.
+    // All clients come from one address.
     let config = dir.path().join("doorcam.toml");
     let limits = format!("[server]\nmax_connections = {0}\nmax_connections_per_address = {0}\n", CLIENTS + 10);
     std::fs::write(&config, limits).expect("writes");
@@ -61,7 +61,7 @@ fn main() -> ExitCode {
     std::thread::spawn(move || said.for_each(drop));
 
     let connected = Barrier::new(CLIENTS);
-    let seen: Vec<Seen> = std::thread::scope(|scope| {
+    let seen: Vec<Followed> = std::thread::scope(|scope| {
         let client = || scope.spawn(|| follow(&address, &connected));
         let clients: Vec<_> = (0..CLIENTS).map(|_| client()).collect();
         clients.into_iter().map(|client| client.join().expect("a client")).collect()
@@ -85,13 +85,13 @@ fn doorcam() -> Command {
     Command::new(env!("CARGO_BIN_EXE_doorcam"))
 }
 
-/// Reads the live socket for as long as is measured, once everybody is there.
-fn follow(address: &str, connected: &Barrier) -> Seen {
+/// Reads the live socket during the measurement, once all clients are connected.
+fn follow(address: &str, connected: &Barrier) -> Followed {
     let stream = TcpStream::connect(address).expect("connects");
     let (mut socket, _) = tungstenite::client(format!("ws://{address}/api/v1/live"), stream).expect("upgrades");
     connected.wait();
-    let (mut seen, begin) = (Seen::default(), Instant::now());
-    // The first seconds go to catching up.
+    let (mut seen, begin) = (Followed::default(), Instant::now());
+    // The first seconds are spent catching up.
     let settled = Duration::from_secs(2);
     while begin.elapsed() < settled + MEASURED {
         let Message::Text(text) = socket.read().expect("a message") else { continue };
@@ -106,7 +106,7 @@ fn follow(address: &str, connected: &Barrier) -> Seen {
     seen
 }
 
-/// The value behind a key; clients that understood all of each message would measure themselves.
+/// The value after a key. Parsing whole messages would measure the clients instead.
 fn after<'a>(text: &'a str, key: &str) -> Option<&'a str> {
     text.split_once(key)?.1.split(['"', ',']).next()
 }

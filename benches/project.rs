@@ -1,4 +1,4 @@
-//! A frame's way to the Gram system: Aᵀy of both patches, 64 x 64 pixels, N = 230, one core.
+//! Projecting a frame onto the Gram system: Aᵀy of both patches, 64 x 64 pixels, N = 230, one core.
 
 use std::hint::black_box;
 

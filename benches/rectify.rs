@@ -1,4 +1,4 @@
-//! A webcam frame's way to a rectified patch pair: 1280 x 720 pixels, 64 x 64 a patch, one core.
+//! Decoding and rectifying a webcam frame to a patch pair: 1280 x 720 pixels, patches of 64 x 64, one core.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 const WIDTH: usize = 1280;
 const HEIGHT: usize = 720;
 
-/// A camera 1.1 m high and 1.3 m in front of a door 0.8 m wide: the patches take 30 % of its image.
+/// A camera 1.1 m high and 1.3 m in front of a door 0.8 m wide: the patches cover 30 % of its image.
 const CALIBRATION: &str = r#"{"size": [1280, 720], "doorway": {"width_m": 0.8, "wall_thickness_m": 0.1},
     "lens": {"k1": -0.05, "focal_px": 1100},
     "floor_points": [{"pixel": [315, 210], "floor_m": [-0.4, -0.1]}, {"pixel": [965, 210], "floor_m": [0.4, -0.1]},
@@ -32,7 +32,7 @@ fn picture() -> Vec<u8> {
         let (x, y) = ((k % WIDTH) as f64, (k / WIDTH) as f64);
         let floor = 120.0 + 40.0 * (0.03 * x).sin() * (0.05 * y).cos() + 12.0 * (0.7 * x + 0.3 * y).sin();
         for colour in [0.0, -8.0, -20.0] {
-            // The sum of four has a standard deviation of about 3 codes.
+            // The scaled sum of four has a standard deviation of about 3 codes.
             let noise: f64 = (0..4).map(|_| uniform()).sum::<f64>() * 5.2;
             rgb.push((floor + colour + noise).clamp(0.0, 255.0) as u8);
         }
@@ -65,7 +65,7 @@ fn rectify(c: &mut Criterion) {
     ] {
         let matrix = LumaMatrix::Bt601;
         let format = SensorFormat { pixels, width: WIDTH, height: HEIGHT, stride, full_range: false, matrix };
-        // What the bytes mean does not matter to the time that they take.
+        // The decoding time does not depend on the contents.
         let bytes = rgb[..stride * rows].to_vec();
         frames.push((name, frame(RawImages::Sensor(format, Arc::new(bytes)))));
     }

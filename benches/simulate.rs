@@ -1,4 +1,4 @@
-//! A simulated frame: all of it, with nobody and with two people, and what a scenario costs before its first frame.
+//! Simulating a whole frame, with nobody and with two people, and setting up a scenario.
 
 use std::hint::black_box;
 

@@ -1,4 +1,4 @@
-//! Cold and warm solves on the published grid: two people walk, the wall behind them darkens, the camera is noisy.
+//! Cold and warm solves on the published grid: two people walk, the wall behind them darkens, and the camera is noisy.
 
 use std::hint::black_box;
 
@@ -15,10 +15,10 @@ const DOORWAY: Doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height
 const PATCH: PatchGrid = PatchGrid { size: 64, fov_m: 0.15, layout: PixelLayout::EndsIncluded };
 const SPEC: TransportSpec = TransportSpec { kernel: Kernel::Published, facet_height_m: 2.0, patch: PATCH };
 const FRAMES: usize = 24;
-/// Standard deviation of a pixel's noise, a few percent of the strongest change.
+/// Standard deviation of a pixel's noise: a few percent of the strongest change.
 const NOISE: f64 = 0.002;
 
-/// Sums of uniform numbers, close to normal, the same in every run.
+/// Nearly normal numbers, as sums of uniform ones; the same in every run.
 fn noise(state: &mut u64) -> f64 {
     let mut sum = -6.0;
     for _ in 0..12 {
@@ -30,7 +30,7 @@ fn noise(state: &mut u64) -> f64 {
     sum
 }
 
-/// What the floor sees when people are off the grid, 5 cm further in each frame.
+/// Differences on the floor due to people who stand off the grid and move on 5 cm with each frame, as correlations.
 fn walk(projection: &Projection) -> Vec<Correlations> {
     let mut state = 1;
     let strip = |x: f64, y: f64, half: f64| Facet { from: [x - half, y], to: [x + half, y] };
@@ -83,7 +83,7 @@ fn solves(criterion: &mut Criterion) {
                 solve(t, Start::Empty)
             });
         });
-        // There and back, so that every frame follows one that is 5 cm away.
+        // Back and forth, so that in every frame the people are 5 cm from where they were in the frame before.
         let mut t = 0;
         criterion.bench_function(&format!("{name}/warm"), |b| {
             b.iter(|| {

@@ -1,4 +1,4 @@
-//! Building the transport matrices: 2 x 64² x 230 on all cores.
+//! Building the transport matrices, 2 x 64² x 230, on all cores, and the Gram matrices.
 
 use std::hint::black_box;
 

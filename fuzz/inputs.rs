@@ -1,5 +1,5 @@
-//! Everything that comes from outside, each as a function of bytes that may return what it likes but must not panic, hang or
-//! take more memory than the input justifies. The fuzz targets beside this file call them, and so does `tests/daemon/hostile.rs`.
+//! A function of bytes for every kind of untrusted input. It may accept or reject the bytes, but must not panic, hang
+//! or take more memory than they justify. The fuzz targets beside this file and `tests/daemon/hostile.rs` call them.
 
 use std::path::Path;
 
@@ -14,9 +14,9 @@ use doorcam_source::truth::Truth;
 
 /// One kind of input.
 pub struct Input {
-    /// Of its fuzz target, and of the folder of its corpus.
+    /// Name of its fuzz target and of its corpus folder.
     pub name: &'static str,
-    /// Takes it in.
+    /// Reads it.
     pub take: fn(&[u8]),
 }
 
@@ -33,7 +33,7 @@ pub const INPUTS: [Input; 9] = [
     Input { name: "png", take: image },
 ];
 
-/// `recording.json`, and the rectification that follows from it.
+/// `recording.json`, and the rectification that is set up from it.
 pub fn recording(bytes: &[u8]) {
     in_file("recording.json", bytes, |directory| {
         if let Ok(recording) = Recording::open(directory)
@@ -70,7 +70,7 @@ pub fn config(bytes: &[u8]) {
     }
 }
 
-/// What `PUT /api/v1/calibration` is sent.
+/// The body of `PUT /api/v1/calibration`.
 pub fn calibration(bytes: &[u8]) {
     if let Ok(calibration) = serde_json::from_slice::<Calibration>(bytes)
         && is_ordinary(Some(calibration.size))
@@ -79,7 +79,7 @@ pub fn calibration(bytes: &[u8]) {
     }
 }
 
-/// A background that an earlier run left.
+/// A background saved by an earlier run.
 pub fn background(bytes: &[u8]) {
     let _ = Snapshot::decode(bytes, &Fingerprint::new("a test"), 4, f64::INFINITY);
 }
@@ -91,13 +91,13 @@ pub fn scenario(bytes: &[u8]) {
     }
 }
 
-/// A frame, JPEG or PNG: for people and for measuring.
+/// A JPEG or PNG frame, decoded for people and for measuring.
 pub fn image(bytes: &[u8]) {
     let _ = doorcam_source::image::decode(bytes);
     let _ = ImageDecoder::with_jpegs_of(JpegDepth::Exact).decode(bytes, None);
 }
 
-/// A camera with a hundred million pixels is slow to set up, which is no fault.
+/// Whether the image is small enough to try: a camera of a hundred million pixels is slow to set up, which is no fault.
 fn is_ordinary(size: Option<[usize; 2]>) -> bool {
     size.is_none_or(|[width, height]| width.saturating_mul(height) <= 1 << 20)
 }

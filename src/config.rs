@@ -31,24 +31,25 @@ use doorcam_core::solver::{Lambda, ModelKind};
 use doorcam_core::tracking::Zone;
 use doorcam_core::transport::Kernel;
 
-/// A configuration that cannot be used: one line that names the file, the line or key, and what was expected.
+/// A configuration that cannot be used. The message is one line that names the file, the line or key, and what was
+/// expected.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct ConfigError(String);
 
-/// Everything that can be configured.
+/// The whole configuration.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// Where doorcam listens.
     pub server: ServerConfig,
-    /// Who may see, and who may change.
+    /// Who may read, and who may change things.
     pub access: AccessConfig,
     /// HTTPS.
     pub tls: TlsConfig,
-    /// What is kept between runs.
+    /// Where state is kept between runs.
     pub storage: StorageConfig,
-    /// What is kept of events and occupancy.
+    /// How events and occupancy are recorded.
     pub history: HistoryConfig,
     /// The camera.
     pub camera: CameraConfig,
@@ -60,25 +61,25 @@ pub struct Config {
     pub patch: PatchConfig,
     /// Averaging of frames in time.
     pub averaging: AveragingConfig,
-    /// The empty room's picture, where it is followed over time.
+    /// How the background (the picture of the empty room) is learned and kept up to date.
     pub background: BackgroundConfig,
-    /// Light from facets to the floor.
+    /// The model of light that travels from facets to the floor.
     pub transport: TransportConfig,
     /// The inverse problem.
     pub solver: SolverConfig,
-    /// The unified map and its figures.
+    /// The unified map and how figures show it.
     pub scene: SceneConfig,
-    /// How people are followed.
+    /// How people are tracked.
     pub tracker: TrackerConfig,
-    /// Parts of the room that have names.
+    /// Named parts of the room.
     pub zones: Vec<Zone>,
-    /// Which doorway this is among others.
+    /// How this doorway is told apart from others.
     pub site: SiteConfig,
-    /// The broker that is told what happens.
+    /// The MQTT broker to publish to.
     pub mqtt: MqttConfig,
-    /// Others who are told of events.
+    /// Addresses that events are posted to.
     pub webhooks: Vec<WebhookConfig>,
-    /// A set of values that overrides the sections above it names.
+    /// The preset in use, if any; its values replace those of the sections it covers.
     #[serde(skip)]
     pub preset: Option<Preset>,
 }
@@ -90,9 +91,9 @@ pub struct ServerConfig {
     /// Address and port.
     #[schema(value_type = String)]
     pub listen: SocketAddr,
-    /// Connections that are open at once at most.
+    /// Most connections open at once.
     pub max_connections: usize,
-    /// Those of one address.
+    /// Most connections open at once from one address.
     pub max_connections_per_address: usize,
 }
 
@@ -110,13 +111,13 @@ impl Default for ServerConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct GridConfig {
-    /// Width of the grid's cells in α1 and α2; 180 must be a whole number of steps.
+    /// Width of the grid's cells in α1 and α2, in degrees; 180 must be a whole number of steps.
     pub angular_step_deg: f64,
-    /// Smallest angle between a facet and the wall.
+    /// Smallest angle between a facet and the wall, in degrees.
     pub min_angle_deg: f64,
-    /// Distance that facets keep from the edges.
+    /// Smallest distance between a facet and an edge, in metres.
     pub edge_clearance_m: f64,
-    /// Facets keep outside the ellipse whose points' distances to the edges sum to this.
+    /// No facet is inside the ellipse whose points have distances to the two edges that sum to this, in metres.
     pub near_sum_m: f64,
 }
 
@@ -136,15 +137,15 @@ impl Default for GridConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PatchConfig {
-    /// Side of the square of floor that is used; less if a recording shows less.
+    /// Side of the square of floor that is used, in metres; less if a recording shows less.
     pub fov_m: f64,
-    /// Pixels along each side.
+    /// Pixels along each side of the patch.
     pub pixels: usize,
-    /// Parts of the floor that do not count.
+    /// Parts of the floor to ignore.
     pub exclude: Vec<Rectangle>,
 }
 
-/// A rectangle of floor, sides along the door frame's axes.
+/// A rectangle of floor with its sides along the axes of the door frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rectangle {
@@ -166,9 +167,9 @@ impl Default for PatchConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TransportConfig {
-    /// Falloff law.
+    /// The law by which light falls off with distance.
     pub kernel: Kernel,
-    /// Height of the facets.
+    /// Height of the facets, in metres.
     pub facet_height_m: f64,
 }
 
@@ -184,14 +185,14 @@ impl Default for TransportConfig {
 pub struct SolverConfig {
     /// Which changes a facet may show.
     pub model: ModelKind,
-    /// Weight of the penalty in eq. 13.
+    /// Weight of the sparsity penalty in eq. 13.
     #[schema(value_type = schema::NumberOrWord)]
     pub lambda: Lambda,
-    /// Automatic λ: times what the empty room's noise reaches in one frame of a thousand.
+    /// Automatic λ: this times the level that the empty room's noise reaches in one frame of a thousand.
     pub lambda_factor: f64,
-    /// Automatic λ: at least this share of the smallest λ with an empty map.
+    /// Automatic λ: at least this share of the smallest λ at which the map is empty.
     pub lambda_share: f64,
-    /// Steps that a frame may take.
+    /// Most solver steps per frame.
     pub max_steps: usize,
 }
 
@@ -205,9 +206,9 @@ impl Default for SolverConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SceneConfig {
-    /// t of eq. 15, relative to the largest |c|.
+    /// Threshold t of eq. 15, relative to the largest |c|.
     pub unified_threshold: f64,
-    /// Which brightness figures show.
+    /// The brightness that figures show.
     pub brightness: Brightness,
 }
 
@@ -226,7 +227,11 @@ pub enum Preset {
 }
 
 impl Config {
-    /// Reads and checks a file.
+    /// Reads and checks a configuration file.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be read, is not valid TOML, or has an unknown key or a value out of range.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let file = path.display();
         let text = std::fs::read_to_string(path)
@@ -235,7 +240,11 @@ impl Config {
         Ok(config)
     }
 
-    /// Reads and checks a file's text.
+    /// Reads and checks the text of a configuration file.
+    ///
+    /// # Errors
+    ///
+    /// If the text is not valid TOML, or has an unknown key or a value out of range.
     pub fn parse(text: &str) -> Result<Self, ConfigError> {
         let config: Self = toml::from_str(text).map_err(|e| {
             let line = e.span().map_or(1, |span| 1 + text[..span.start.min(text.len())].matches('\n').count());
@@ -246,7 +255,7 @@ impl Config {
         Ok(config)
     }
 
-    /// Puts a preset's values in.
+    /// This configuration with the preset's values in place of its own.
     pub fn with_preset(mut self, preset: Option<Preset>) -> Self {
         if let Some(Preset::Published) = preset {
             self.room = Room::default();
@@ -260,7 +269,11 @@ impl Config {
         self
     }
 
-    /// Checks each value's range; what depends on the doorway is checked with it.
+    /// Checks the range of every value. Limits that depend on the doorway are checked once the doorway is known.
+    ///
+    /// # Errors
+    ///
+    /// If a value is out of its range, naming its key.
     pub fn check(&self) -> Result<(), ConfigError> {
         within("server.max_connections", self.server.max_connections as f64, 1.0, 1e5, "connections")?;
         let of_one = self.server.max_connections_per_address as f64;
@@ -276,7 +289,7 @@ impl Config {
         let steps = 180.0 / self.grid.angular_step_deg;
         if (steps - steps.round()).abs() > 1e-6 {
             return Err(ConfigError(format!(
-                "grid.angular_step_deg is {}, expected a step of which 180 degrees are a whole number, such as 4 or 2.5",
+                "grid.angular_step_deg is {}, expected a step that divides 180 degrees evenly, such as 4 or 2.5",
                 self.grid.angular_step_deg
             )));
         }
@@ -300,7 +313,11 @@ impl Config {
     }
 }
 
-/// Reads a λ that someone typed; `key` is what to call it.
+/// Reads a λ given as text; `key` is its name in the error message.
+///
+/// # Errors
+///
+/// If the text is neither "auto" nor a finite number above 0.
 pub fn parse_lambda(key: &str, text: &str) -> Result<Lambda, ConfigError> {
     if text == "auto" {
         return Ok(Lambda::Auto);
@@ -368,7 +385,7 @@ mod tests {
         let word = "line 2: lambda is \"big\", expected \"auto\" or a number above 0";
         assert_eq!(error("[solver]\nlambda = \"big\"\n"), word);
         assert!(error("[server]\nlisten = \"nowhere\"\n").starts_with("line 2: "));
-        assert!(error("[grid]\nangular_step_deg = 7\n").contains("expected a step of which 180 degrees"));
+        assert!(error("[grid]\nangular_step_deg = 7\n").contains("expected a step that divides 180 degrees"));
         assert!(error("solver = {").starts_with("line 1: "));
         let lambda = parse_lambda("--lambda", "many").expect_err("refused").to_string();
         assert_eq!(lambda, "--lambda is \"many\", expected \"auto\" or a number above 0");

@@ -1,9 +1,69 @@
 //! doorcam sees who moves in the room behind a doorway, from the light that falls on the floor in front of it.
 //!
-//! This is the daemon around the engine: [`watch`] runs the frame loop and hands its updates to everyone who asks, [`feed`] opens its
-//! source, [`server`] shows them, [`history`] keeps what happened, [`publish`] tells other systems, [`config`] reads the file that steers it all.
-//! The optics, the inverse problem and the tracking are in `doorcam-core`, the sources of frames in `doorcam-source`, the way
-//! of a frame from images to an update in `doorcam-engine`; each works without this crate.
+//! This crate is the program `doorcam` as a library: a daemon that watches one doorway and tells everybody who asks.
+//! The mathematics is in `doorcam-core`, frames come from `doorcam-source`, and `doorcam-engine` takes a frame from
+//! images to an update. Each of them works without this crate.
+//!
+//! # Modules
+//!
+//! Along the way of a frame:
+//!
+//! | Module | What it does |
+//! |---|---|
+//! | [`config`] | the configuration file that steers it all: every key, its default and its range |
+//! | [`feed`] | opens a source of frames by its name: a camera, a recording or a simulation |
+//! | [`watch`] | the frame loop: capture, solve, and hand each update to everyone ([`watch::Hub`]) |
+//! | [`history`] | keeps events and occupancy in an SQLite file |
+//! | [`publish`] | tells other systems: MQTT, Home Assistant, webhooks |
+//! | [`server`] | the page, the REST API and the live socket, with access control and TLS |
+//!
+//! # Conventions
+//!
+//! - **Door frame.** The origin is on the floor at the middle of the opening, in the plane of the wall's hidden face.
+//!   For someone on the visible side who faces the door, x points to the right, y into the hidden room and z up.
+//! - **Units.** Keys of the API end in theirs: `_m` metres, `_m_s` metres per second, `_s` seconds, `_ms` milliseconds,
+//!   `_px` pixels, `_deg` degrees.
+//! - **Light** is linear, and 1 is the camera's full scale.
+//! - **Nothing waits for a client.** Queues have a limit and count what does not fit; a slow reader gets the newest
+//!   update.
+//!
+//! # Features
+//!
+//! - `v4l2` (on by default): webcams. Needs Linux, and libclang to build. Without it, doorcam replays recordings and
+//!   simulates.
+//!
+//! # Example
+//!
+//! The frame loop without a server: watches a simulated doorway until there is an update.
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use doorcam::config::Config;
+//! use doorcam::feed::{Feed, SourceSpec};
+//! use doorcam::watch::{Hub, start};
+//! use doorcam_engine::Assembly;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let config = Config::parse("[room]\nhalf_width_m = 1.5\ndepth_m = 3.0\n")?;
+//! let spec: SourceSpec = "simulate:one-person".parse()?;
+//! let feed = Feed::open(&spec, &config)?;
+//! let manifest = feed.manifest().ok_or("a camera has to be calibrated first")?;
+//! let engine = Assembly::new(config.settings()).for_recording(manifest)?;
+//!
+//! let hub = Arc::new(Hub::new(Some(engine.watched()), None, feed.info()).configured(&config));
+//! let running = start(feed.start(), Some(engine), Arc::clone(&hub))?;
+//! let published = loop {
+//!     match hub.latest() {
+//!         Some(published) => break published,
+//!         None => std::thread::sleep(std::time::Duration::from_millis(10)),
+//!     }
+//! };
+//! println!("{}", published.json);
+//! running.end();
+//! # Ok(())
+//! # }
+//! ```
 
 // What a user, a file or a device gives must never panic.
 #![warn(clippy::unwrap_used, clippy::expect_used)]

@@ -104,7 +104,7 @@
  * @property {string | null} preset
  * @property {number} lambda
  * @property {Source} source
- * @property {{ captured: number, solved: number, dropped: number, skipped: number, lost: number,
+ * @property {{ captured: number, solved: number, dropped: number, skipped: number, lost: number, failed?: number,
  *              last_skipped: string | null }} frames
  * @property {{ captured: number, solved: number }} rate_hz
  * @property {{ sequence: number, age_s: number } | null} last_update

@@ -11,25 +11,26 @@ use doorcam::feed::open_recording;
 
 /// Measure how long each stage of a frame takes
 ///
-/// A frame's stages are: project (its correlation with every facet), and solving eq. 13, cold from the empty map or warm
-/// from the neighbouring frame's. The whole frame is everything from the encoded image to the update, warm. Files are read
-/// beforehand. As the reference, the authors' accelerated iteration in Gram form is run in the same process: 500 of its
-/// 20,000 steps, and the time scaled.
+/// The stages are project (correlating a frame with every facet) and solving eq. 13, either cold from the empty map or
+/// warm from the neighbouring frame's map. "Whole frame" is everything from the encoded image to the update, warm.
+/// Files are read beforehand. For comparison, the authors' accelerated iteration in Gram form is run in the same
+/// process: 500 of its 20,000 steps, with the time scaled up.
 ///
-/// The first 200 frames after background_frames are used, again and again, there and back. Those with nothing to see are
-/// quick to solve and do not count, unless there are no others.
+/// The first 200 frames after background_frames are used, over and over, forwards and then backwards. Frames with an
+/// empty map are quick to solve and are left out, unless there are no others.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 With --json, one object: project_ms, cold_ms, warm_ms, frame_ms (p50 and p99 each), published_iteration_ms (p50),
-facets, and pixels: those that count, in both patches together.
+facets, and pixels (those used, in both patches together).
 
 Examples:
   doorcam bench
   doorcam bench recordings/lab-0 --preset published --json")]
 pub(super) struct Arguments {
-    /// The recording's directory [default: patches of a room of luminous walls and people, simulated in a temporary directory]
+    /// The recording's directory [default: patches of a room of luminous walls and people, simulated in a temporary
+    /// directory]
     recording: Option<PathBuf>,
-    /// One JSON object on stdout instead of a table
+    /// Print one JSON object on stdout instead of a table
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -38,7 +39,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let config = arguments.model.config()?;
-    // Held until the end: it is removed when it goes.
+    // Held until the end: dropping it removes the directory.
     let temporary;
     let path = match &arguments.recording {
         Some(path) => path.clone(),
@@ -76,7 +77,7 @@ fn simulate(directory: &Path) -> anyhow::Result<PathBuf> {
     Ok(directory.to_owned())
 }
 
-/// The frames of the empty room and those after them, still encoded.
+/// The background frames and the frames after them, still encoded.
 fn load(recording: &Recording) -> anyhow::Result<Vec<RawFrame>> {
     let manifest = recording.path.join("recording.json");
     let Some([_, background_end]) = recording.manifest.background_frames else {

@@ -5,7 +5,7 @@ use doorcam::config::Config;
 /// Check a configuration file without starting anything
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
-    /// The file
+    /// The configuration file
     file: PathBuf,
 }
 

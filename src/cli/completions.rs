@@ -3,7 +3,7 @@ use std::io::Write;
 use clap::CommandFactory;
 use clap_complete::Shell;
 
-/// Print what completes doorcam's command line in a shell
+/// Print a shell completion script for doorcam
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -16,7 +16,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    // In memory first: the generator panics where its writer fails, as a closed pipe does.
+    // In memory first: the generator panics if its writer fails, as a closed pipe does.
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut super::Arguments::command(), "doorcam", &mut script);
     std::io::stdout().write_all(&script)?;

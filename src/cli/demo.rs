@@ -8,9 +8,9 @@ use super::listening::ListenOptions;
 use super::serve::{access, show};
 use super::simulate;
 
-/// Show a simulated doorway, live, with the page: no camera needed
+/// Show a simulated doorway live on the page; no camera needed
 ///
-/// Simulated people walk through a simulated room, round after round, and a simulated camera looks at the floor in front of
+/// Simulated people walk through a simulated room, over and over, and a simulated camera looks at the floor in front of
 /// its doorway.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -21,18 +21,18 @@ Examples:
 
 `doorcam simulate --list` shows the scenarios.")]
 pub(super) struct Arguments {
-    /// What to show: a scenario's name or a TOML file
+    /// The scenario to show: a name or a TOML file
     #[arg(default_value = "two-crossing")]
     scenario: String,
     #[command(flatten)]
     listening: ListenOptions,
-    /// Make a recording of one round in DIR first, replay it again and again and leave it there
+    /// Record one round into DIR first, then replay that recording in a loop; it is kept
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
-    /// Write a recording of one round to DIR and stop
+    /// Record one round into DIR and exit
     #[arg(long, value_name = "DIR", conflicts_with_all = ["keep", "listen"])]
     only_record: Option<PathBuf>,
-    /// Seed of the noise: the same seed gives the same frames
+    /// Seed of the noise; the same seed gives the same frames
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 }

@@ -2,17 +2,17 @@ use std::io::Write;
 
 use doorcam_source::v4l2::{CameraReport, ControlReport, FormatReport, SizeReport, cameras};
 
-/// List the cameras of this machine, what they offer and what can be set
+/// List the cameras of this machine with their formats and controls
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Sizes are followed by the frames a second that the camera can make of them.
-Use the stable name where there is one: it stays the same whatever else is plugged in.
+Each size is followed by the frame rates that the camera offers for it.
+Prefer the stable name where there is one: it does not change when other cameras are plugged in.
 
 Example:
   doorcam devices
   doorcam serve --source v4l2:/dev/video0")]
 pub(super) struct Arguments {
-    /// As JSON, for programs
+    /// Print JSON, for programs
     #[arg(long)]
     json: bool,
 }
@@ -26,7 +26,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         return Ok(());
     }
     if cameras.is_empty() {
-        eprintln!("no cameras: plug one in, or see whether the kernel knows it (dmesg)");
+        eprintln!("no cameras: plug one in, or check whether the kernel has detected it (dmesg)");
     }
     for (k, camera) in cameras.iter().enumerate() {
         if k > 0 {

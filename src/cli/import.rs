@@ -13,14 +13,14 @@ pub(super) struct Arguments {
 enum From {
     /// The measurements published with the paper, as OUT/lab-0 .. lab-6 and OUT/syn-0 .. syn-4
     ///
-    /// Each recording has the background as frame 0 and the new frame as frame 1. Scenes whose files are not all there
-    /// are listed and left out.
+    /// Each recording has the background as frame 0 and the new frame as frame 1. Scenes with missing files are listed
+    /// and left out.
     DoorwayCameraCode {
         /// The repository's folder, with "Laboratory Data" and "Synthetic Data" in it
         src: PathBuf,
-        /// Where to put the recordings
+        /// Directory for the recordings
         out: PathBuf,
-        /// Overwrite recordings that exist already
+        /// Overwrite existing recordings
         #[arg(long)]
         force: bool,
     },

@@ -3,22 +3,25 @@ use std::path::PathBuf;
 
 use doorcam::config::{Config, TlsConfig};
 
-/// Where a command listens, and who may see and change what there.
+/// Where a command listens, and who may read and change things there.
 #[derive(Debug, clap::Args)]
 pub(super) struct ListenOptions {
-    /// Address and port to listen on; port 0 takes a free one; one that others can reach takes a token [default: 127.0.0.1:8080]
+    /// Address and port to listen on; port 0 picks a free one; an address that other machines can reach needs a token
+    /// [default: 127.0.0.1:8080]
     #[arg(long, value_name = "ADDR:PORT")]
     pub(super) listen: Option<SocketAddr>,
-    /// File with the token that lets its holder see and change everything [default: $DOORCAM_TOKEN]
+    /// File with the token that lets its holder read and change everything [default: $DOORCAM_TOKEN]
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// File with the token that lets its holder see everything [default: $DOORCAM_READ_TOKEN]
+    /// File with the token that lets its holder read everything [default: $DOORCAM_READ_TOKEN]
     #[arg(long, value_name = "FILE")]
     read_token_file: Option<PathBuf>,
-    /// Listen where others can reach it without any token: all of them see and change everything
+    /// Listen without a token on an address that other machines can reach: everybody there can read and change
+    /// everything
     #[arg(long)]
     allow_unauthenticated: bool,
-    /// Serve HTTPS with the certificates of this PEM file; it is read again when it changes [default: tls.certificate_file]
+    /// Serve HTTPS with the certificates in this PEM file; it is read again when it changes [default:
+    /// tls.certificate_file]
     #[arg(long, value_name = "FILE", requires = "tls_key")]
     tls_cert: Option<PathBuf>,
     /// PEM file with the certificate's private key [default: tls.key_file]
@@ -27,7 +30,7 @@ pub(super) struct ListenOptions {
 }
 
 impl ListenOptions {
-    /// Puts what the command line says in the place of what the configuration says.
+    /// Replaces values of the configuration with those given on the command line.
     pub(super) fn apply(&self, config: &mut Config) {
         let Config { server, access, tls, .. } = config;
         server.listen = self.listen.unwrap_or(server.listen);

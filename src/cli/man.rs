@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::CommandFactory;
 
-/// Print doorcam's manual page, or write those of all its commands
+/// Print doorcam's manual page, or write those of all commands
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:

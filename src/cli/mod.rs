@@ -1,4 +1,4 @@
-//! The command line: one file a subcommand.
+//! The command line: one file per subcommand.
 
 mod bench;
 mod check_config;
@@ -39,11 +39,11 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
     version,
     propagate_version = true,
     after_help = "\
-Exit status: 0 done; 1 the input or environment is at fault (one line on stderr says what); 2 usage.
+Exit status: 0 success; 1 bad input or environment (one line on stderr says what is wrong); 2 wrong usage.
 Logs go to stderr; RUST_LOG=debug shows more."
 )]
 struct Arguments {
-    /// How logs are written on stderr
+    /// Format of the logs on stderr
     #[arg(long, global = true, value_name = "FORMAT", default_value = "text")]
     log: log::Format,
     #[command(subcommand)]
@@ -74,8 +74,9 @@ struct ModelOptions {
     /// Configuration file; config/doorcam.toml shows every key
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Weight of the sparsity penalty in eq. 13: larger shows less; "auto" measures the noise [default: auto]
-    // Text, so that a bad number is an error of the input (status 1), as in the configuration file.
+    /// Weight of the sparsity penalty in eq. 13: a larger value shows less; "auto" derives it from the measured noise
+    /// [default: auto]
+    // A string, so that a bad number is an input error (status 1), as in the configuration file.
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
     lambda: Option<String>,
     /// Which changes a facet may show [default: signed]
@@ -89,10 +90,10 @@ struct ModelOptions {
 /// [`ModelKind`] on the command line.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum ModelChoice {
-    /// Eq. 13 as it is written: c_L, c_R >= 0 and v any unit vector, so that a facet may become brighter or darker in each
-    /// colour. People mostly darken: they block the light of the wall behind them.
+    /// Eq. 13 as written: c_L, c_R >= 0 and v any unit vector, so that a facet may become brighter or darker in each
+    /// colour. People mostly make it darker, as they block the light of the wall behind them.
     Signed,
-    /// The authors' program: v >= 0, and only the background may become darker.
+    /// As in the authors' program: v >= 0, and only background facets may become darker.
     Published,
 }
 
@@ -119,7 +120,7 @@ impl ModelOptions {
     }
 }
 
-/// Parses the command line, runs what it says and turns an error into one line and a status.
+/// Parses the command line and runs the command. An error becomes one line on stderr and the exit status.
 pub(crate) fn run() -> ExitCode {
     let arguments = Arguments::parse();
     log::start(arguments.log);
@@ -155,7 +156,7 @@ pub(crate) fn run() -> ExitCode {
     }
 }
 
-/// Whether the reader of our output went away, as `| head` does: nothing is wrong then.
+/// Whether the reader of our output closed the pipe, as `| head` does. That is not an error.
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
     let broken = |e: &std::io::Error| e.kind() == std::io::ErrorKind::BrokenPipe;
     error.chain().any(|cause| cause.downcast_ref().is_some_and(broken))
@@ -170,7 +171,7 @@ fn progress(frames: u64) -> ProgressBar {
     style.map(|style| bar.clone().with_style(style)).unwrap_or(bar)
 }
 
-/// What an error about a recording's model begins with: its manifest.
+/// The path of a recording's manifest, with which errors about its model begin.
 fn manifest_of(recording: &Path) -> String {
     recording.join("recording.json").display().to_string()
 }

@@ -14,9 +14,9 @@ use jiff::{SignedDuration, Timestamp};
 use super::{ModelOptions, manifest_of, progress};
 use doorcam::feed::open_recording;
 
-/// Reconstruct a recording's frames: one update a line on stdout, pictures in a directory
+/// Reconstruct a recording's frames: one update per line on stdout, pictures in a directory
 ///
-/// The recording's background_frames are the empty room; the frames after them are reconstructed, each on its own.
+/// The recording's background_frames show the empty room; the frames after them are reconstructed, each on its own.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -25,14 +25,14 @@ Examples:
 pub(super) struct Arguments {
     /// The recording's directory
     recording: PathBuf,
-    /// Only these frames: A (from A on), A..B (B not included) or ..B
+    /// Only these frames: A (from A on), A..B (without B) or ..B
     #[arg(long, value_name = "A..B", value_parser = parse_range)]
     frames: Option<Range<u64>>,
     /// Write pictures here: reconstruction_N.svg and .png, difference_N.png
     #[arg(long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Solve each frame again from N random starts, and with two lights allowed in each facet, and say on stderr how the
-    /// objectives compare: slow
+    /// Solve each frame again from N random starts, and with two lights allowed in each facet, and report on stderr how
+    /// the objectives compare (slow)
     #[arg(long, value_name = "N")]
     audit: Option<usize>,
     #[command(flatten)]
@@ -112,8 +112,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
 fn report(frame: u64, objective: f64, audit: &Audit) {
     let relative = |value: f64| value / objective;
     tracing::info!(
-        "frame {frame}: objective {objective:.6}; relative to it, the best of {} random starts {:.6} ({:.0} % of them agree), \
-         two lights a facet {:.6} and from there {:.6}, proven bound {:.6}",
+        "frame {frame}: objective {objective:.6}; relative to it, the best of {} random starts {:.6} ({:.0} % of them \
+         agree), two lights per facet {:.6} and from there {:.6}, proven bound {:.6}",
         audit.starts,
         relative(audit.best),
         100.0 * audit.agreeing,
@@ -123,13 +123,13 @@ fn report(frame: u64, objective: f64, audit: &Audit) {
     );
 }
 
-/// A recording's own clock, counted from the epoch: it has no date.
+/// A recording's time as seconds from the epoch, since a recording has no date.
 pub(super) fn recording_time(seconds: f64) -> Timestamp {
     let offset = SignedDuration::try_from_secs_f64(seconds).unwrap_or_default();
     Timestamp::UNIX_EPOCH.checked_add(offset).unwrap_or_default()
 }
 
-/// Where pictures go.
+/// The directory that pictures are written to.
 struct Pictures<'a> {
     directory: &'a Path,
     title: String,

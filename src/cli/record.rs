@@ -17,17 +17,17 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use super::source_help;
 
-/// Record a camera, or a recording, into a directory that replays
+/// Record a camera, a recording or a simulation into a directory that can be replayed
 ///
-/// The first seconds must show the empty room: they become the recording's background. Ctrl-C ends the recording, and so
-/// do --seconds, --frames and --max-bytes. JPEGs are kept as the camera gives them, raw pixels become PNGs.
+/// The first seconds must show the empty room: they become the recording's background. The recording ends with Ctrl-C,
+/// --seconds, --frames or --max-bytes. JPEGs are kept as the camera gives them; raw pixels become PNGs.
 #[derive(Debug, clap::Args)]
 #[command(after_help = format!("{}
 
-A camera's recording holds where the camera sees the floor: what was calibrated on the page of doorcam serve, or
---calibration FILE, JSON with the keys size, doorway and floor_points of recording.json (docs/recordings.md); the
-recording.json of another recording from the same place will do. Without one, --uncalibrated records all the same; add
-doorway and floor_points to OUT/recording.json before replaying.
+A recording of a camera includes its calibration: the one made on the page of doorcam serve, or --calibration FILE,
+which is JSON with the keys size, doorway and floor_points of recording.json (docs/recordings.md). The recording.json
+of another recording from the same place also works. Without a calibration, record with --uncalibrated, and add doorway
+and floor_points to OUT/recording.json before replaying.
 
 Examples:
   doorcam record --source v4l2:/dev/video0 --seconds 60 evening
@@ -37,37 +37,37 @@ pub(super) struct Arguments {
     /// Where frames come from
     #[arg(long, value_name = "SOURCE")]
     source: SourceSpec,
-    /// Where to write; a directory that is empty or not there yet
+    /// Directory to write to; must be empty or not exist yet
     out: PathBuf,
-    /// End after so many seconds
+    /// Stop after this many seconds
     #[arg(long, value_name = "S", value_parser = above_zero)]
     seconds: Option<f64>,
-    /// End after so many frames
+    /// Stop after this many frames
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
-    /// End before the files take more than this: bytes, or with kB, MB, GB
+    /// Stop before the files take more than this, in bytes or with kB, MB, GB
     #[arg(long, value_name = "SIZE", default_value = "10GB", value_parser = parse_size)]
     max_bytes: u64,
-    /// Where the camera sees the floor [default: what was calibrated on the page, calibration.json in the storage directory]
+    /// The camera's calibration [default: the one made on the page, calibration.json in the storage directory]
     #[arg(long, value_name = "FILE", conflicts_with = "uncalibrated")]
     calibration: Option<PathBuf>,
-    /// Directory of what doorcam keeps between runs [default: storage.directory of the configuration]
+    /// Directory for state kept between runs [default: storage.directory of the configuration]
     #[arg(long, value_name = "DIR")]
     storage: Option<PathBuf>,
-    /// Record although it is not known where the camera sees the floor
+    /// Record without a calibration
     #[arg(long)]
     uncalibrated: bool,
-    /// So long, from the first frame on, the room is empty; 0 if it never is [default: 3]
+    /// How long the room is empty, from the first frame on; 0 if it never is [default: 3]
     #[arg(long, value_name = "S", value_parser = not_negative)]
     empty_seconds: Option<f64>,
-    /// Configuration file, of which [camera] and [storage] count
+    /// Configuration file; only [camera] and [storage] are used
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
 }
 
 /// How long to wait for a camera's first frame.
 const WAIT: Duration = Duration::from_secs(10);
-/// Automatics are locked so long after their time: the camera is asked once a second.
+/// Time allowed after `settle_s` until the automatic controls are locked: the camera is polled once a second.
 const LOCKING: Duration = Duration::from_millis(1500);
 
 fn above_zero(text: &str) -> Result<f64, String> {
@@ -113,12 +113,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
 }
 
-/// Turns true at Ctrl-C, or when a service manager says so.
+/// A flag that becomes true on Ctrl-C or SIGTERM.
 fn interrupted() -> anyhow::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
     let set = Arc::clone(&flag);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    // Before the thread runs: no signal may come before somebody listens.
+    // Before the thread starts, so that no signal is missed.
     let (mut interrupt, mut terminate) = {
         let _inside = runtime.enter();
         (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?)
@@ -127,7 +127,7 @@ fn interrupted() -> anyhow::Result<Arc<AtomicBool>> {
         runtime.block_on(async {
             tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }
             set.store(true, Ordering::Relaxed);
-            // Who asks twice does not want to wait for the disk.
+            // A second signal exits at once, without waiting for the disk.
             tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }
             std::process::exit(1);
         });
@@ -135,7 +135,7 @@ fn interrupted() -> anyhow::Result<Arc<AtomicBool>> {
     Ok(flag)
 }
 
-/// Records what has a manifest of its own: every frame, at its pace.
+/// Records a source that has its own manifest: every frame, at the source's pace.
 fn copy(
     arguments: &Arguments,
     calibrated: &str,
@@ -169,8 +169,8 @@ fn camera(arguments: &Arguments, limits: RecordingLimits, interrupted: &AtomicBo
         Some(file) => Some(load_calibration(file, &config)?),
         None if arguments.uncalibrated => None,
         None => bail!(
-            "{spec}: it is not known where this camera sees the floor: calibrate it on the page of doorcam serve, give \
-             --calibration FILE, or --uncalibrated to add doorway and floor_points to the recording later"
+            "{spec}: this camera is not calibrated: calibrate it on the page of doorcam serve, or give --calibration \
+             FILE, or --uncalibrated to add doorway and floor_points to the recording later"
         ),
     };
     let mut feed = Feed::open(&arguments.source, &config)?.every_frame();
@@ -190,7 +190,7 @@ fn camera(arguments: &Arguments, limits: RecordingLimits, interrupted: &AtomicBo
     if [camera.exposure, camera.gain, camera.white_balance, camera.focus].contains(&Setting::Lock)
         && camera.settle_s > 0.0
     {
-        tracing::info!("letting the camera's automatics settle for {} s", camera.settle_s);
+        tracing::info!("letting the camera's automatic controls settle for {} s", camera.settle_s);
         let settled = Instant::now() + Duration::from_secs_f64(camera.settle_s) + LOCKING;
         watch(&mut *source, &mut narrator, interrupted, |_| Instant::now() >= settled);
     }
@@ -212,13 +212,13 @@ fn camera(arguments: &Arguments, limits: RecordingLimits, interrupted: &AtomicBo
     record(&mut *source, &mut recorder, narrator, Some(granted.size), interrupted)
 }
 
-/// What stands for a calibration that nobody has yet: nothing of it but the size is written.
+/// A placeholder for a missing calibration. Only its size is written to the recording.
 fn unknown(size: [usize; 2]) -> Calibration {
     let doorway = Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None };
     Calibration { size, doorway, floor_points: Vec::new(), lens: None, transfer: None }
 }
 
-/// With the configuration's lens and transfer function where the file has none.
+/// Loads a calibration, with the configuration's lens and transfer function where the file has none.
 fn load_calibration(file: &Path, config: &Config) -> anyhow::Result<Calibration> {
     let name = || file.display().to_string();
     let text = std::fs::read_to_string(file).with_context(name)?;
@@ -230,7 +230,7 @@ fn load_calibration(file: &Path, config: &Config) -> anyhow::Result<Calibration>
     Ok(calibration)
 }
 
-/// Waits for a camera's first frame and returns what the camera granted.
+/// Waits until a camera streams and returns what it granted.
 fn first_frame(
     source: &mut dyn Source,
     narrator: &mut Narrator,
@@ -254,7 +254,7 @@ fn first_frame(
     }
 }
 
-/// Looks at what a camera says, frames aside, until `done`.
+/// Takes a camera's events until `done`, reporting its condition; frames are discarded.
 fn watch(
     source: &mut dyn Source,
     narrator: &mut Narrator,
@@ -273,7 +273,7 @@ fn watch(
     }
 }
 
-/// Says how a source is doing when that changes.
+/// Logs a source's condition when it changes.
 #[derive(Default)]
 struct Narrator(Option<SourceState>);
 
@@ -293,8 +293,8 @@ impl Narrator {
     }
 }
 
-/// Records until there are no more frames, a limit is reached or someone says so. A live camera's images have a `size`;
-/// files can wait.
+/// Records until there are no more frames, a limit is reached or the user interrupts. A live camera has an image
+/// `size`, and frames that the disk is too slow for are dropped; without a `size`, the source waits for the disk.
 fn record(
     source: &mut dyn Source,
     recorder: &mut Recorder,
@@ -331,7 +331,7 @@ fn record(
         spinner.set_message(summary(&recorder.status()));
         spinner.tick();
     }
-    spinner.set_message("bringing it to the disk");
+    spinner.set_message("writing to disk");
     let status = recorder.stop();
     spinner.finish_and_clear();
     let out = status.directory.display();

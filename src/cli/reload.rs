@@ -1,4 +1,4 @@
-//! SIGHUP: the configuration file and the files with tokens are read again while frames go on.
+//! SIGHUP: reads the configuration file and the token files again without stopping the frame loop.
 
 use std::sync::Arc;
 
@@ -10,13 +10,13 @@ use doorcam::watch::{Calibrator, Hub, ZoneKeeper};
 use metrics::{describe_gauge, gauge};
 use tokio::sync::watch;
 
-/// Takes over what was changed and can be.
+/// Applies the changes that can be applied while doorcam runs.
 pub(super) struct Reloader<Again> {
-    /// Gives the configuration as file and command line have it now.
+    /// Reads the configuration from the file and the command line again.
     pub(super) again: Again,
-    /// The one in use.
+    /// The configuration in use.
     pub(super) in_use: watch::Sender<Config>,
-    /// What is watched.
+    /// The kind of source that is watched.
     pub(super) kind: SourceKind,
     pub(super) access: Arc<Access>,
     pub(super) calibrator: Arc<Calibrator>,
@@ -26,7 +26,8 @@ pub(super) struct Reloader<Again> {
 }
 
 impl<Again: Fn() -> anyhow::Result<Config>> Reloader<Again> {
-    /// Reads everything again, takes over what can be and says what became of the rest. What cannot be read changes nothing.
+    /// Reads everything again, applies what can be applied and logs what happened to the rest. A file that cannot be
+    /// read changes nothing.
     pub(super) fn reload(&self) {
         let well = match (self.again)() {
             Ok(next) => self.take_over(&next),
@@ -37,7 +38,7 @@ impl<Again: Fn() -> anyhow::Result<Config>> Reloader<Again> {
         };
         describe_gauge!(
             "doorcam_config_last_reload_successful",
-            "0 after a reload of which something could not be used"
+            "1 if the last reload succeeded, 0 if a part of it failed"
         );
         gauge!("doorcam_config_last_reload_successful").set(if well { 1.0 } else { 0.0 });
     }
@@ -50,7 +51,7 @@ impl<Again: Fn() -> anyhow::Result<Config>> Reloader<Again> {
             keys.collect::<Vec<_>>().join(", ")
         };
         let mut well = true;
-        // Tokens are in files of their own, where a change does not show.
+        // Tokens are in files of their own, so a changed token does not show in the configuration.
         match self.access.reload(&used.access, |name| std::env::var_os(name)) {
             Ok(true) => tracing::info!("reloaded: other tokens are in use, and all sessions have ended"),
             Ok(false) => {}
@@ -67,7 +68,7 @@ impl<Again: Fn() -> anyhow::Result<Config>> Reloader<Again> {
             tracing::info!("reloaded, in use now: {now}");
         }
         if !learning.is_empty() {
-            // Without what takes a restart: the camera's own keys have a say in the model, too.
+            // Leave out changes that need a restart: the camera's keys also affect the model.
             let mut learned = used.clone();
             learned.adopt(next, Takes::Learning);
             match self.calibrator.reconfigure(&learned) {

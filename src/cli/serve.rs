@@ -34,10 +34,10 @@ pub(super) struct Arguments {
     source: SourceSpec,
     #[command(flatten)]
     listening: ListenOptions,
-    /// The camera's calibration, made on the page and kept there [default: calibration.json in the storage directory]
+    /// File for the camera's calibration, as made on the page [default: calibration.json in the storage directory]
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
-    /// Directory of what is kept between runs: one a doorway [default: storage.directory of the configuration]
+    /// Directory for state kept between runs, one per doorway [default: storage.directory of the configuration]
     #[arg(long, value_name = "DIR")]
     storage: Option<PathBuf>,
     /// Keep events and occupancy in memory only
@@ -47,7 +47,7 @@ pub(super) struct Arguments {
     model: ModelOptions,
 }
 
-/// A source and what to do with its frames.
+/// A source and what processes its frames.
 struct Watch {
     feed: Feed,
     engine: Option<Engine>,
@@ -57,7 +57,7 @@ struct Watch {
 }
 
 impl Arguments {
-    /// The configuration as file and command line have it now.
+    /// Reads the configuration from the file and the command line.
     fn config(&self) -> anyhow::Result<Config> {
         let mut config = self.model.config()?;
         self.listening.apply(&mut config);
@@ -76,12 +76,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     serve(&config, || arguments.config(), watch, access)
 }
 
-/// Shows a source that needs no other options to whoever connects, until interrupted.
+/// Serves a source that needs no other options, until interrupted.
 pub(super) fn show(config: &Config, spec: &SourceSpec, access: (Access, Option<Tls>)) -> anyhow::Result<()> {
     serve(config, || Ok(config.clone()), watch(config, spec, None)?, access)
 }
 
-/// Opens a source and puts together what works on its frames; `file` is where its calibration is kept, if that was said.
+/// Opens a source and assembles what processes its frames; `file` is the calibration file given by the user, if any.
 fn watch(config: &Config, spec: &SourceSpec, file: Option<&Path>) -> anyhow::Result<Watch> {
     let mut feed = Feed::open(spec, config)?;
     let keeping = keeping(&feed, config, file)?;
@@ -110,7 +110,7 @@ fn watch(config: &Config, spec: &SourceSpec, file: Option<&Path>) -> anyhow::Res
             Some(assembly.for_camera(calibration).with_context(named)?)
         }
         (None, None) => {
-            tracing::info!("the camera is not calibrated yet: open the page to do so");
+            tracing::info!("the camera is not calibrated yet: calibrate it on the page");
             None
         }
     };
@@ -147,31 +147,31 @@ fn keeping(feed: &Feed, config: &Config, file: Option<&Path>) -> anyhow::Result<
             match file.map(Path::to_owned).or_else(usual) {
                 Some(file) => Ok(Keeping::File(CalibrationStore::new(file))),
                 None => bail!(
-                    "there is no place for the camera's calibration, expected --calibration FILE, --storage DIR or $HOME"
+                    "no directory for the camera's calibration, expected --calibration FILE, --storage DIR or $HOME"
                 ),
             }
         }
     }
 }
 
-/// What `/metrics` shows is recorded from here on.
+/// Installs the recorder of metrics; `/metrics` shows what is recorded from then on.
 fn recorder() -> Option<PrometheusHandle> {
     const SECONDS: [f64; 12] = [1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.5, 2.0];
     let builder = PrometheusBuilder::new().set_buckets(&SECONDS).ok()?;
     builder.install_recorder().ok()
 }
 
-/// Who may see and change what: told before anything else is done, for a start that is refused should leave nothing behind.
+/// Loads tokens and TLS. This comes before everything else: a start that is refused should leave nothing behind.
 pub(super) fn access(config: &Config) -> anyhow::Result<(Access, Option<Tls>)> {
     let tls = Tls::load(&config.tls)?;
     let access = Access::new(&config.access, config.server.listen, |name| std::env::var_os(name))?;
     if access.is_exposed() {
-        tracing::warn!("{} needs no token: everybody who reaches it sees and changes everything", config.server.listen);
+        tracing::warn!("{} needs no token: anybody who reaches it can change everything", config.server.listen);
     }
     Ok((access, tls))
 }
 
-/// Shows what is watched to whoever connects, until interrupted; `again` gives the configuration as it is when asked.
+/// Runs the frame loop and the server until interrupted; `again` reads the configuration again.
 fn serve(
     config: &Config,
     again: impl Fn() -> anyhow::Result<Config>,
@@ -181,7 +181,7 @@ fn serve(
     let Watch { feed, mut engine, assembly, calibration, keeping } = watch;
     let (info, manifest) = (feed.info(), feed.manifest().cloned());
     let spec = info.spec.clone();
-    // Before the hub: what counts without a recorder counts for nobody.
+    // Before the hub: counts made before the recorder is installed are lost.
     let metrics = recorder();
     let kind = info.kind;
     let history = History::start(Kept::of(config, kind))?;
@@ -189,7 +189,7 @@ fn serve(
     engine.iter_mut().for_each(|engine| engine.count_from(track, event));
     let assembly = assembly.counting_from(track, event);
     let directory = config.storage.directory();
-    // What is drawn over a replayed or simulated room says nothing of the camera that usually keeps things here.
+    // Zones drawn on a replayed or simulated room must not replace those of the camera that uses the default directory.
     let own_place = manifest.is_none() || !config.storage.directory.as_os_str().is_empty();
     let zones_file = directory.as_ref().filter(|_| own_place).map(|directory| directory.join("zones.json"));
     let saved = zones_file.as_deref().map(ZoneKeeper::load).transpose()?.flatten();
@@ -217,10 +217,10 @@ fn serve(
         let mut interrupt = signal(SignalKind::interrupt())?;
         let mut terminate = signal(SignalKind::terminate())?;
         let mut hangup = signal(SignalKind::hangup())?;
-        // The port first, then the frames: nobody should miss the beginning of a recording.
+        // The port is bound before frames start, so that clients do not miss the beginning of a recording.
         let running = start(feed.start(), engine, Arc::clone(&hub)).context("cannot start the frame loop")?;
         if let Some(metrics) = metrics.clone() {
-            // What is measured piles up until somebody looks at it, or this is done.
+            // Without upkeep, measured values pile up until somebody reads /metrics.
             tokio::spawn(async move {
                 let mut upkeep = tokio::time::interval(Duration::from_secs(5));
                 loop {
@@ -286,7 +286,7 @@ fn serve(
         recordings.finish();
         kept.end();
         end.send_replace(true);
-        // A panic has been reported when it happened.
+        // An error here is a panic of the task, which was reported when it happened.
         let _ = publishing.await;
         anyhow::Ok(())
     })

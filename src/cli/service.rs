@@ -1,4 +1,4 @@
-//! What the service manager is told, where one asks: systemd, with Type=notify and WatchdogSec.
+//! Notifications to the service manager, if there is one: systemd, with Type=notify and WatchdogSec.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -6,18 +6,18 @@ use std::time::Duration;
 use doorcam::watch::Hub;
 use sd_notify::NotifyState;
 
-/// Says that the page and the API are there.
+/// Tells the service manager that the page and the API are up.
 pub(super) fn ready(status: &str) {
     say(&[NotifyState::Ready, NotifyState::Status(status)]);
 }
 
-/// Says that it is over soon.
+/// Tells the service manager that doorcam is stopping.
 pub(super) fn stopping() {
     say(&[NotifyState::Stopping]);
 }
 
-/// Feeds the watchdog for as long as frames advance; at once without one. A hung driver, a thread that never comes back or a
-/// camera that stays away is then the service manager's: it starts doorcam anew.
+/// Feeds the watchdog as long as frames advance; returns at once if there is no watchdog. After a hung driver, a stuck
+/// thread or a camera that stays away, the service manager restarts doorcam.
 pub(super) async fn feed_watchdog(hub: Arc<Hub>) {
     let Some(limit) = sd_notify::watchdog_enabled() else { return };
     let mut last = None;
@@ -25,7 +25,7 @@ pub(super) async fn feed_watchdog(hub: Arc<Hub>) {
     loop {
         look.tick().await;
         let status = hub.status(0);
-        // What has no calibration yet has frames, but no updates.
+        // Without a calibration there are frames, but no updates.
         let now = if status.calibrated { status.frames.solved } else { status.frames.captured };
         if last != Some(now) {
             last = Some(now);
@@ -36,6 +36,6 @@ pub(super) async fn feed_watchdog(hub: Arc<Hub>) {
 
 fn say(states: &[NotifyState]) {
     if let Err(e) = sd_notify::notify(states) {
-        tracing::warn!("the service manager cannot be told how we are: {e}");
+        tracing::warn!("cannot notify the service manager: {e}");
     }
 }

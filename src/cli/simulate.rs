@@ -7,11 +7,12 @@ use super::progress;
 
 /// Render a simulated doorway into a recording with truth
 ///
-/// Lamps light a hidden room with people in it; what falls through the doorway lights the floor, which a camera with noise, an
-/// exposure and JPEGs looks at. Where everybody is is written to OUT/truth.json. The same seed gives the same files.
+/// Lamps light a hidden room with people in it. Light that comes through the doorway falls on the floor, which a camera
+/// with noise, an exposure and JPEGs looks at. The places of all people are written to OUT/truth.json. The same seed
+/// gives the same files.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-SCENARIO is one of those that --list shows, or a TOML file; config/scenarios has commented ones to start from, and
+SCENARIO is a name shown by --list, or a TOML file; config/scenarios has commented ones to start from, and
 docs/simulator.md describes every key.
 
 Examples:
@@ -21,16 +22,16 @@ Examples:
   doorcam reconstruct walk --output pictures
   doorcam serve --source simulate:two-crossing          the same, live and without files")]
 pub(super) struct Arguments {
-    /// What to show: a name or a TOML file
+    /// The scenario: a name or a TOML file
     #[arg(required_unless_present = "list")]
     scenario: Option<String>,
-    /// Where to write; a directory that is empty or not there yet
+    /// Directory to write to; must be empty or not exist yet
     #[arg(required_unless_present = "list")]
     out: Option<PathBuf>,
     /// Seed of the noise
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// So many frames from the start on; beyond the scenario's end it begins again [default: one round of the scenario]
+    /// Number of frames; after the scenario's end it begins again [default: one round of the scenario]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
     /// List the scenarios that come with doorcam

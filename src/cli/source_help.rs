@@ -1,10 +1,10 @@
-//! What the help says of sources.
+//! The help text on sources.
 
-/// What clap's help says of `--source`.
+/// Explains the values of `--source`.
 pub(super) const HELP: &str = "\
 Sources:
-  v4l2:/dev/video0               a camera, by its node
+  v4l2:/dev/video0               a camera, by its device node
   v4l2:NAME                      a camera, by its stable name or its card's name (doorcam devices lists them)
-  replay:DIR[,loop][,rate=max]   a recording: at its own pace or as fast as it goes, once or for ever
+  replay:DIR[,loop][,rate=max]   a recording, once or in a loop, at its own pace or as fast as possible
   simulate:SCENARIO[,seed=N][,once][,rate=max]
-                                 a simulated doorway (doorcam simulate --list), round after round or once";
+                                 a simulated doorway (doorcam simulate --list), in a loop or once";

@@ -1,4 +1,4 @@
-//! `[access]`: who may see, and who may change.
+//! `[access]`: who may read, and who may change things.
 
 use std::net::IpAddr;
 use std::path::PathBuf;
@@ -8,25 +8,25 @@ use utoipa::ToSchema;
 
 use super::{ConfigError, within};
 
-/// `[access]`. Tokens themselves never stand in a configuration, so that it can be shown to anybody.
+/// `[access]`. It names token files and never contains a token, so a configuration can be shown to anybody.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct AccessConfig {
-    /// File with the token that lets its holder see and change everything; empty: none.
+    /// File with the token that lets its holder read and change everything; empty: none.
     #[schema(value_type = String)]
     pub token_file: PathBuf,
-    /// File with the token that lets its holder see everything; empty: none.
+    /// File with the token that lets its holder read everything; empty: none.
     #[schema(value_type = String)]
     pub read_token_file: PathBuf,
-    /// Whether to listen on an address that others can reach without any token.
+    /// Whether to listen without a token on an address that other machines can reach.
     pub allow_unauthenticated: bool,
-    /// How long a login of the page lasts.
+    /// How long a login on the page lasts, in seconds.
     pub session_s: f64,
     /// Whether pictures of the visible side are shown.
     pub images: bool,
-    /// Names by which it may be called, beside its addresses and those of loopback.
+    /// Host names accepted in requests, in addition to doorcam's addresses and the names of loopback.
     pub allowed_hosts: Vec<String>,
-    /// Origins whose pages may use the API.
+    /// Origins whose pages may use the API (CORS).
     pub allowed_origins: Vec<String>,
 }
 
@@ -49,7 +49,7 @@ impl AccessConfig {
         let files = (&self.token_file, &self.read_token_file);
         if files.0 == files.1 && !files.0.as_os_str().is_empty() {
             return Err(ConfigError(format!(
-                "access.read_token_file is \"{}\" as access.token_file is, expected another file",
+                "access.read_token_file is \"{}\", the same as access.token_file, expected another file",
                 files.0.display()
             )));
         }
@@ -58,7 +58,8 @@ impl AccessConfig {
             let plain = |c: char| c.is_ascii_alphanumeric() || "-._".contains(c);
             if host.parse::<IpAddr>().is_err() && (host.is_empty() || !host.chars().all(plain)) {
                 return Err(ConfigError(format!(
-                    "access.allowed_hosts has \"{host}\", expected a name or an address without port, such as \"door.lan\""
+                    "access.allowed_hosts has \"{host}\", expected a name or an address without port, such as \
+                     \"door.lan\""
                 )));
             }
         }
@@ -67,8 +68,8 @@ impl AccessConfig {
             let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "-._:[]".contains(c);
             if !host.is_some_and(|host| !host.is_empty() && host.chars().all(plain)) {
                 return Err(ConfigError(format!(
-                    "access.allowed_origins has \"{origin}\", expected scheme and host in lower case, such as \"https://door.lan\" or \
-                     \"http://door.lan:3000\""
+                    "access.allowed_origins has \"{origin}\", expected scheme and host in lower case, such as \
+                     \"https://door.lan\" or \"http://door.lan:3000\""
                 )));
             }
         }

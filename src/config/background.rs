@@ -1,4 +1,5 @@
-//! `[background]` and `[averaging]`: how the empty room is learned and followed, and how frames are averaged in time.
+//! `[background]` and `[averaging]`: how the background is learned and kept up to date, and how frames are averaged in
+//! time.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -10,23 +11,23 @@ use doorcam_core::light::Averaging;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct BackgroundConfig {
-    /// Seconds for which the room must be still to be learned at the start.
+    /// Seconds for which the room must be still before the background is first learned.
     pub learn_s: f64,
-    /// Seconds after which a start, also after a change of light, no longer waits for the room to be still.
+    /// Seconds after which learning, at the start or after a change of light, no longer waits for the room to be still.
     pub learn_max_s: f64,
-    /// Seconds for which the room must be still to be learned anew.
+    /// Seconds for which the room must be still before the background is learned again.
     pub relearn_s: f64,
-    /// Time constant with which the background follows frames in which nothing is detected.
+    /// Time constant, in seconds, with which the background follows frames in which nothing is detected.
     pub adapt_s: f64,
-    /// Seconds after which what has not moved becomes a part of the background; 0 for never.
+    /// Seconds after which something that has not moved becomes part of the background; 0 for never.
     pub absorb_s: f64,
-    /// Seconds between two settings-up of the problem at most, as the background drifts.
+    /// Longest time, in seconds, between two rebuilds of the inverse problem while the background drifts.
     pub rebuild_s: f64,
-    /// Sudden change of light that makes the background be learned anew, as a share of the light.
+    /// Sudden change of light, as a share of the light, after which the background is learned again.
     pub light_step: f64,
-    /// Seconds between two savings.
+    /// Seconds between two saves of the background.
     pub save_s: f64,
-    /// Seconds for which a saved background is good.
+    /// Age in seconds up to which a saved background is used.
     pub keep_s: f64,
 }
 
@@ -66,9 +67,9 @@ impl BackgroundConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct AveragingConfig {
-    /// How.
+    /// The kind of average.
     pub mode: Averaging,
-    /// Over what time: the time constant, or the length of the boxcar.
+    /// Time constant of the exponential, or length of the boxcar, in seconds.
     pub time_s: f64,
 }
 

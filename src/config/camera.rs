@@ -1,4 +1,4 @@
-//! `[storage]` and `[camera]`: the camera, and what is kept of it between runs.
+//! `[storage]` and `[camera]`: the camera, and where state is kept between runs.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -15,14 +15,14 @@ use doorcam_source::camera::{CameraOptions, ControlSettings, PixelFormat, Settin
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct StorageConfig {
-    /// Directory of the calibration, the learned background, drawn zones and recordings; empty for the usual place.
+    /// Directory for the calibration, the learned background, drawn zones and recordings; empty for the default.
     #[schema(value_type = String)]
     pub directory: PathBuf,
 }
 
 impl StorageConfig {
-    /// The directory: as configured, else the service manager's (`$STATE_DIRECTORY`), else the user's
-    /// (`$XDG_STATE_HOME/doorcam`, `~/.local/state/doorcam`); none if there is no home either.
+    /// The directory as configured, else the service manager's (`$STATE_DIRECTORY`), else the user's
+    /// (`$XDG_STATE_HOME/doorcam`, `~/.local/state/doorcam`). None if `$HOME` is not set either.
     pub fn directory(&self) -> Option<PathBuf> {
         let variable = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
         if !self.directory.as_os_str().is_empty() {
@@ -38,10 +38,10 @@ impl StorageConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CameraConfig {
-    /// Width and height; a calibration's own size goes before it.
+    /// Width and height in pixels; once calibrated, the calibration's size is used instead.
     #[schema(value_type = schema::Size)]
     pub size: [u32; 2],
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
     /// Pixel formats, the preferred one first.
     pub formats: Vec<PixelFormat>,
@@ -57,14 +57,14 @@ pub struct CameraConfig {
     /// Focus, in the driver's units.
     #[schema(value_type = schema::NumberOrWord)]
     pub focus: Setting,
-    /// 0 off, 1 50 Hz, 2 60 Hz.
+    /// Mains frequency that automatic exposure allows for: 0 off, 1 50 Hz, 2 60 Hz.
     #[schema(value_type = schema::NumberOrWord)]
     pub power_line: Setting,
-    /// How long automatics run before they are locked.
+    /// How long the camera's automatic controls run before they are locked, in seconds.
     pub settle_s: f64,
     /// How the camera encodes light.
     pub transfer: Transfer,
-    /// k1 and k2 of the lens.
+    /// Radial distortion of the lens, k1 and k2 as in OpenCV.
     #[schema(value_type = schema::Pair)]
     pub distortion: [f64; 2],
     /// Focal length that goes with `distortion`, in pixels; 0: the width of the image.
@@ -116,7 +116,7 @@ impl CameraConfig {
         (self.distortion != [0.0; 2]).then_some(Lens { k1, k2, focal_px })
     }
 
-    /// What to ask the camera for; of what arrives late, only the newest frame.
+    /// What to ask the camera for. When frames pile up, only the newest is used.
     pub fn options(&self) -> CameraOptions {
         CameraOptions {
             wish: Wish { size: self.size, fps: self.fps, formats: self.formats.clone() },

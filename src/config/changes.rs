@@ -1,80 +1,84 @@
-//! What differs between the configuration in use and another one, and what a running doorcam can make of it.
+//! The differences between two configurations, and which of them a running doorcam can apply.
 
 use serde_json::Value;
 
 use super::Config;
 
-/// What a changed key takes to be in use.
+/// What it takes to apply a changed key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Takes {
-    /// It is in use at once.
+    /// It applies at once.
     Nothing,
-    /// The empty room is learned anew.
+    /// The background must be learned again.
     Learning,
-    /// doorcam must be started again.
+    /// doorcam must be restarted.
     Restart,
 }
 
 /// A key that differs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Change {
-    /// As the configuration file has it: `solver.lambda`.
+    /// Its name with its section: `solver.lambda`.
     pub key: String,
-    /// What it takes.
+    /// What it takes to apply it.
     pub takes: Takes,
 }
 
-/// Sections and keys that can change while doorcam runs; the rest takes a restart.
-const LIVE: [(&str, Takes); 12] = [
-    ("zones", Takes::Nothing),
-    ("history.keep_days", Takes::Nothing),
-    ("history.max_bytes", Takes::Nothing),
-    ("room.", Takes::Learning),
-    ("grid.", Takes::Learning),
-    ("patch.", Takes::Learning),
-    ("averaging.", Takes::Learning),
-    ("background.", Takes::Learning),
-    ("transport.", Takes::Learning),
-    ("solver.", Takes::Learning),
-    ("scene.", Takes::Learning),
-    ("tracker.", Takes::Learning),
+/// A key, or a section with all of its keys, that can change while doorcam runs; all others need a restart.
+struct Live {
+    key: &'static str,
+    takes: Takes,
+    /// Copies it.
+    adopt: fn(&mut Config, &Config),
+}
+
+const LIVE: [Live; 12] = [
+    now("zones", |used, next| used.zones.clone_from(&next.zones)),
+    now("history.keep_days", |used, next| used.history.keep_days = next.history.keep_days),
+    now("history.max_bytes", |used, next| used.history.max_bytes = next.history.max_bytes),
+    learning("room", |used, next| used.room = next.room),
+    learning("grid", |used, next| used.grid.clone_from(&next.grid)),
+    learning("patch", |used, next| used.patch.clone_from(&next.patch)),
+    learning("averaging", |used, next| used.averaging.clone_from(&next.averaging)),
+    learning("background", |used, next| used.background.clone_from(&next.background)),
+    learning("transport", |used, next| used.transport.clone_from(&next.transport)),
+    learning("solver", |used, next| used.solver.clone_from(&next.solver)),
+    learning("scene", |used, next| used.scene.clone_from(&next.scene)),
+    learning("tracker", |used, next| used.tracker.clone_from(&next.tracker)),
 ];
+
+const fn now(key: &'static str, adopt: fn(&mut Config, &Config)) -> Live {
+    Live { key, takes: Takes::Nothing, adopt }
+}
+
+const fn learning(key: &'static str, adopt: fn(&mut Config, &Config)) -> Live {
+    Live { key, takes: Takes::Learning, adopt }
+}
+
+impl Live {
+    fn holds(&self, key: &str) -> bool {
+        key.strip_prefix(self.key).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+    }
+}
 
 impl Config {
     /// The keys in which `next` differs, in the order of the file.
     pub fn changes(&self, next: &Self) -> Vec<Change> {
-        // Serialising it cannot fail: it has no maps and no numbers that JSON lacks after its check.
+        // Serialising cannot fail: a checked configuration has no maps and no non-finite numbers.
         let json = |config: &Self| serde_json::to_value(config).unwrap_or_default();
         let mut keys = Vec::new();
         differing("", &json(self), &json(next), &mut keys);
-        // Of a webhook's address JSON shows the host alone.
+        // A webhook's address serialises as its host alone, so a change of its path does not show in the JSON.
         if self.webhooks != next.webhooks && !keys.iter().any(|key| key == "webhooks") {
             keys.push("webhooks".into());
         }
-        let takes = |key: &str| LIVE.iter().find(|(live, _)| key.starts_with(live)).map_or(Takes::Restart, |(_, t)| *t);
+        let takes = |key: &str| LIVE.iter().find(|live| live.holds(key)).map_or(Takes::Restart, |live| live.takes);
         keys.into_iter().map(|key| Change { takes: takes(&key), key }).collect()
     }
 
-    /// Takes over from `next` the keys that take just that, and no others.
+    /// Copies from `next` the keys that need exactly `takes`, and no others.
     pub fn adopt(&mut self, next: &Self, takes: Takes) {
-        match takes {
-            Takes::Nothing => {
-                self.zones.clone_from(&next.zones);
-                (self.history.keep_days, self.history.max_bytes) = (next.history.keep_days, next.history.max_bytes);
-            }
-            Takes::Learning => {
-                self.room = next.room;
-                self.grid = next.grid.clone();
-                self.patch = next.patch.clone();
-                self.averaging = next.averaging.clone();
-                self.background = next.background.clone();
-                self.transport = next.transport.clone();
-                self.solver = next.solver.clone();
-                self.scene = next.scene.clone();
-                self.tracker = next.tracker.clone();
-            }
-            Takes::Restart => {}
-        }
+        LIVE.iter().filter(|live| live.takes == takes).for_each(|live| (live.adopt)(self, next));
     }
 }
 
@@ -102,8 +106,8 @@ mod tests {
 
     #[test]
     fn each_change_is_named_with_what_it_takes() {
-        let next = "[server]\nlisten = \"127.0.0.1:1\"\n[room]\ndepth_m = 2.5\n[history]\nkeep_days = 1.0\nfile = \"x\"\n\
-            [[zones]]\nname = \"bed\"\npolygon_m = [[0, 1], [1, 1], [1, 2]]\n[solver]\nlambda = 0.1\n";
+        let next = "[server]\nlisten = \"127.0.0.1:1\"\n[room]\ndepth_m = 2.5\n[history]\nkeep_days = 1.0\n\
+            file = \"x\"\n[[zones]]\nname = \"bed\"\npolygon_m = [[0, 1], [1, 1], [1, 2]]\n[solver]\nlambda = 0.1\n";
         let changes = Config::default().changes(&config(next));
         let mut told: Vec<(&str, Takes)> = changes.iter().map(|change| (change.key.as_str(), change.takes)).collect();
         told.sort_unstable();
@@ -124,7 +128,8 @@ mod tests {
     #[test]
     fn what_can_be_adopted_is_adopted_and_nothing_else() {
         let next = config(
-            "[server]\nlisten = \"127.0.0.1:1\"\n[room]\ndepth_m = 2.5\n[history]\nkeep_days = 1.0\n[tracker]\ncoast_s = 2.0\n",
+            "[server]\nlisten = \"127.0.0.1:1\"\n[room]\ndepth_m = 2.5\n[history]\nkeep_days = 1.0\n\
+             [tracker]\ncoast_s = 2.0\n",
         );
         let mut used = Config::default();
         used.adopt(&next, Takes::Nothing);

@@ -1,4 +1,4 @@
-//! `[history]`: what is kept of events and occupancy.
+//! `[history]`: how events and occupancy are recorded.
 
 use std::path::PathBuf;
 
@@ -11,14 +11,14 @@ use super::{ConfigError, within};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct HistoryConfig {
-    /// Whether there is a file at all.
+    /// Whether a history file is written.
     pub enabled: bool,
-    /// The file; empty for the usual place.
+    /// The file; empty for the default.
     #[schema(value_type = String)]
     pub file: PathBuf,
-    /// Days after which what happened is forgotten.
+    /// Days after which history is deleted.
     pub keep_days: f64,
-    /// Bytes on disk at most.
+    /// Most bytes on disk.
     pub max_bytes: u64,
 }
 

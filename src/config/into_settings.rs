@@ -1,4 +1,4 @@
-//! From the configuration file to what an engine is told.
+//! Converts the configuration to the engine's settings.
 
 use doorcam_core::geometry::GridSpec;
 use doorcam_engine::{AveragingSettings, BackgroundSettings, PatchSettings, Preprocessing, Settings, SolverSettings};
@@ -6,7 +6,7 @@ use doorcam_engine::{AveragingSettings, BackgroundSettings, PatchSettings, Prepr
 use super::{Config, Preset};
 
 impl Config {
-    /// What the sections on room, floor and people say to an engine.
+    /// The engine's settings, from the sections on room, floor and people.
     pub fn settings(&self) -> Settings {
         let Self { room, grid, patch, transport, solver, scene, averaging, background, tracker, zones, camera, .. } =
             self;

@@ -1,4 +1,4 @@
-//! `[site]`, `[mqtt]` and `[[webhooks]]`: what is told to other systems.
+//! `[site]`, `[mqtt]` and `[[webhooks]]`: what is sent to other systems.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -9,18 +9,18 @@ use utoipa::ToSchema;
 use super::{ConfigError, within};
 use doorcam_core::tracking::EventKind;
 
-/// Webhooks that may be configured.
+/// Most webhooks that may be configured.
 const MOST_WEBHOOKS: usize = 8;
-/// Characters of a site's id.
+/// Most characters in a site's id.
 const LONGEST_ID: usize = 64;
 
 /// `[site]`
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SiteConfig {
-    /// Names this doorway among others, to programs; empty: the machine's name.
+    /// Identifies this doorway to programs; empty: the machine's name.
     pub id: String,
-    /// The same, to people; empty: the id.
+    /// Name of this doorway as shown to people; empty: the id.
     pub name: String,
 }
 
@@ -28,23 +28,23 @@ pub struct SiteConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MqttConfig {
-    /// The broker; empty: none.
+    /// The broker's host; empty: none.
     pub host: String,
-    /// Its port.
+    /// The broker's port.
     pub port: u16,
     /// Whether the connection is encrypted and the broker's certificate checked.
     pub tls: bool,
-    /// Certificates (PEM) of whoever may vouch for the broker; empty: those that the system trusts.
+    /// Certificates (PEM) of the authorities trusted to sign the broker's; empty: those that the system trusts.
     #[schema(value_type = String)]
     pub ca_file: PathBuf,
-    /// User's name; empty: none.
+    /// User name; empty: none.
     pub username: String,
-    /// A file with nothing but the password; empty: none.
+    /// A file that contains only the password; empty: none.
     #[schema(value_type = String)]
     pub password_file: PathBuf,
     /// First level of all topics.
     pub prefix: String,
-    /// First level of Home Assistant's discovery topics; empty: nothing is announced there.
+    /// First level of Home Assistant's discovery topics; empty: no discovery.
     pub home_assistant: String,
 }
 
@@ -63,27 +63,27 @@ impl Default for MqttConfig {
     }
 }
 
-/// One of `[[webhooks]]`
+/// One entry of `[[webhooks]]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WebhookConfig {
     /// Where events are posted.
     #[schema(value_type = String)]
     pub url: HookUrl,
-    /// Which kinds; all if there are none.
+    /// The kinds of events to post; all if empty.
     #[serde(default)]
     pub events: Vec<EventKind>,
-    /// A file with nothing but the secret that signs.
+    /// A file that contains only the secret used to sign posts.
     #[schema(value_type = String)]
     pub secret_file: PathBuf,
 }
 
-/// An address that may have a secret in it, as many services' have: shown without its path.
+/// A webhook's address. Many services put a secret in the path, so it is displayed and serialised without it.
 #[derive(Clone, PartialEq, Deserialize)]
 pub struct HookUrl(String);
 
 impl HookUrl {
-    /// The whole address. Not to be shown to anybody.
+    /// The whole address, with any secret in it. Never log or show it.
     pub fn secret(&self) -> &str {
         &self.0
     }
@@ -118,7 +118,7 @@ impl Serialize for HookUrl {
 }
 
 impl SiteConfig {
-    /// What names this doorway: letters, digits, `-` and `_`.
+    /// The id of this doorway, as configured or from the machine's name: letters, digits, `-` and `_`.
     pub fn id(&self) -> String {
         if !self.id.is_empty() {
             return self.id.clone();
@@ -128,13 +128,13 @@ impl SiteConfig {
         if id.is_empty() { "doorcam".into() } else { id }
     }
 
-    /// The same for people.
+    /// The name of this doorway as shown to people: as configured, or the id.
     pub fn name(&self) -> String {
         if self.name.is_empty() { self.id() } else { self.name.clone() }
     }
 }
 
-/// A name as a level of a topic: what is no letter, digit, `-` or `_` becomes `_`.
+/// A name as one level of a topic: every character other than a letter, digit, `-` or `_` becomes `_`.
 pub fn topic_level(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
     name.chars().map(plain).take(LONGEST_ID).collect()

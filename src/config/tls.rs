@@ -1,4 +1,4 @@
-//! `[tls]`: HTTPS, where no proxy in front does that.
+//! `[tls]`: HTTPS without a proxy in front.
 
 use std::path::PathBuf;
 
@@ -11,16 +11,16 @@ use super::ConfigError;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TlsConfig {
-    /// PEM file with the certificate and those that vouch for it; empty: no TLS.
+    /// PEM file with the certificate and its chain; empty: no TLS.
     #[schema(value_type = String)]
     pub certificate_file: PathBuf,
-    /// PEM file with its private key.
+    /// PEM file with the certificate's private key.
     #[schema(value_type = String)]
     pub key_file: PathBuf,
 }
 
 impl TlsConfig {
-    /// Whether there is TLS.
+    /// Whether TLS is configured.
     pub fn is_on(&self) -> bool {
         !self.certificate_file.as_os_str().is_empty()
     }

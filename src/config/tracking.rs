@@ -1,4 +1,4 @@
-//! `[tracker]` and `[[zones]]`: how people are followed, and the parts of the room that have names.
+//! `[tracker]` and `[[zones]]`: how people are tracked, and the named parts of the room.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -8,30 +8,30 @@ use doorcam_core::geometry::Room;
 use doorcam_core::tracking::likelihood::MOST_PEOPLE;
 use doorcam_core::tracking::{Dwelling, TrackerSettings, Zone};
 
-/// Zones that may be configured.
+/// Most zones that may be configured.
 const MOST_ZONES: usize = 32;
-/// Characters of a zone's name.
+/// Most characters in a zone's name.
 const LONGEST_NAME: usize = 40;
 
 /// `[tracker]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrackerConfig {
-    /// Seconds for which somebody must be seen to be confirmed.
+    /// Seconds for which somebody must be seen before the track is confirmed.
     pub confirm_s: f64,
-    /// Seconds for which somebody who is not seen is followed.
+    /// Seconds for which a confirmed track continues without a detection.
     pub coast_s: f64,
-    /// How far outside of the room people may be.
+    /// How far outside the room people may be, in metres.
     pub margin_m: f64,
-    /// A person's radius.
+    /// A person's radius, in metres.
     pub body_radius_m: f64,
-    /// People at once.
+    /// Most confirmed people at once.
     pub max_people: usize,
-    /// Seconds in one place that make a dwell event.
+    /// Seconds in one place after which there is a dwell event.
     pub dwell_s: f64,
-    /// How large one place is.
+    /// How far somebody may move, in metres, and still count as being in one place.
     pub dwell_radius_m: f64,
-    /// Seconds of a track's path that are kept.
+    /// Length of path that is kept of each track, in seconds.
     pub history_s: f64,
 }
 
@@ -51,7 +51,7 @@ impl Default for TrackerConfig {
 }
 
 impl TrackerConfig {
-    /// What the tracker goes by in a room.
+    /// The tracker's settings for a room.
     pub fn settings(&self, room: Room) -> TrackerSettings {
         TrackerSettings {
             room,
@@ -63,7 +63,7 @@ impl TrackerConfig {
         }
     }
 
-    /// What makes a dwell event.
+    /// When somebody who stays in one place makes a dwell event.
     pub fn dwelling(&self) -> Dwelling {
         Dwelling { seconds: self.dwell_s, radius_m: self.dwell_radius_m }
     }
@@ -80,7 +80,11 @@ impl TrackerConfig {
     }
 }
 
-/// Checks that zones have names of their own and corners that make an area.
+/// Checks that each zone has its own name and corners that enclose an area.
+///
+/// # Errors
+///
+/// If there are too many zones, or one has a missing, overlong or repeated name or an invalid polygon.
 pub fn check_zones(zones: &[Zone]) -> Result<(), ConfigError> {
     if zones.len() > MOST_ZONES {
         return Err(ConfigError(format!("zones: there are {}, expected at most {MOST_ZONES}", zones.len())));

@@ -13,22 +13,23 @@ use crate::feed::SourceKind;
 pub struct Kept {
     /// The file, or why there is none.
     pub file: Result<PathBuf, String>,
-    /// How much.
+    /// How much to keep.
     pub limits: Retention,
 }
 
 impl Kept {
-    /// As configured. Only a camera has a history without being told a file: a recording's people come again and again.
+    /// As configured. Without `history.file`, only a camera's history is in a file: people in a recording come again in
+    /// every run.
     pub fn of(config: &Config, source: SourceKind) -> Self {
         let HistoryConfig { enabled, file, keep_days, max_bytes } = &config.history;
         let file = match config.storage.directory() {
             _ if !enabled => Err("history.enabled is false"),
             _ if !file.as_os_str().is_empty() => Ok(file.clone()),
             _ if source != SourceKind::V4l2 => {
-                Err("of recordings and simulations, a history is kept only in a file that history.file names")
+                Err("for recordings and simulations, the history is kept only in a file that history.file names")
             }
             Some(directory) => Ok(directory.join("history.sqlite")),
-            None => Err("there is no place for it: no history.file, no storage.directory, no $HOME"),
+            None => Err("there is nowhere to keep it: no history.file, no storage.directory, no $HOME"),
         };
         let age = SignedDuration::try_from_secs_f64(86_400.0 * keep_days).unwrap_or(SignedDuration::MAX);
         Self { file: file.map_err(String::from), limits: Retention { age, bytes: *max_bytes } }

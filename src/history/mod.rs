@@ -1,7 +1,7 @@
-//! What happened, kept: events and occupancy in an SQLite file that outlives the program.
+//! The history: events and occupancy, in an SQLite file that outlives the program.
 //!
-//! The frame loop hands over what each update says ([`History::take`]) and goes on; a thread of its own writes it down twice a
-//! second. Where the file cannot be written, memory takes its place until it can.
+//! The frame loop hands over each update ([`History::take`]) and goes on; a separate thread writes twice a second.
+//! While the file cannot be written, the history is kept in memory.
 
 mod kept;
 mod query;
@@ -19,7 +19,7 @@ pub use spans::Span;
 pub use store::StoreError;
 pub use writer::{History, HistoryError, HistoryReport, Observation};
 
-/// The numbers that come next: they go on from run to run, so that each means one thing for ever.
+/// The next numbers to use. They continue from run to run, so that no number is used twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Numbers {
     /// Of events.
@@ -31,8 +31,8 @@ pub struct Numbers {
 }
 
 impl Numbers {
-    /// The first ones of a run that cannot know those of the runs before: seconds of the clock, more than could have been counted
-    /// since 1970.
+    /// The first numbers of a run that cannot know those used before: the seconds since 1970, more than earlier runs
+    /// could have counted to.
     fn unknown(now: Timestamp) -> Self {
         let seconds = u64::try_from(now.as_second()).unwrap_or(0);
         Self { event: seconds, track: seconds, span: seconds }

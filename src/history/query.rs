@@ -11,78 +11,78 @@ use super::spans::LONGEST;
 use super::store::{integer, nanoseconds};
 use doorcam_core::tracking::{Event, EventKind};
 
-/// Which events somebody asks for.
+/// Selects events.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct EventQuery {
-    /// Those after this number.
+    /// Only events with larger numbers than this.
     pub after: Option<u64>,
-    /// Those that happened at or after this time.
+    /// Only events at or after this time.
     pub from: Option<Timestamp>,
-    /// Those that happened before this time.
+    /// Only events before this time.
     pub to: Option<Timestamp>,
-    /// Of these kinds; of all if there are none.
+    /// Only events of these kinds; empty for all kinds.
     pub kinds: Vec<EventKind>,
-    /// Of this track.
+    /// Only events of this track.
     pub track: Option<u64>,
-    /// Of this zone.
+    /// Only events of this zone.
     pub zone: Option<String>,
-    /// At most so many.
+    /// At most this many.
     pub limit: usize,
 }
 
 /// Some of the kept events.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct EventPage {
-    /// The events asked for, the first first.
+    /// The events that match, in the order of their numbers.
     pub events: Vec<Event>,
-    /// Number of the oldest one that is kept; none if nothing has happened.
+    /// Number of the oldest event that is kept; null if none is kept.
     #[schema(required)]
     pub oldest: Option<u64>,
-    /// Number of the newest one.
+    /// Number of the newest event; null if none is kept.
     #[schema(required)]
     pub newest: Option<u64>,
-    /// `after` of the next page; none if there are no more of them.
+    /// `after` of the next page; null if there are no more events.
     #[schema(required)]
     pub next: Option<u64>,
 }
 
-/// Which spans somebody asks for.
+/// Selects spans.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpanQuery {
-    /// Those after this number.
+    /// Only spans with larger numbers than this.
     pub after: Option<u64>,
-    /// Those that end after this time.
+    /// Only spans that end after this time.
     pub from: Timestamp,
-    /// Those that begin before this time.
+    /// Only spans that begin before this time.
     pub to: Timestamp,
-    /// Of this zone; none for the whole room.
+    /// Only spans of this zone; `None` for those of the whole room.
     pub zone: Option<String>,
-    /// At most so many.
+    /// At most this many.
     pub limit: usize,
 }
 
 /// Some of the kept spans.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct SpanPage {
-    /// The spans asked for, in the order in which they began.
+    /// The spans that match, in the order in which they began.
     pub spans: Vec<Span>,
-    /// `after` of the next page; none if there are no more of them.
+    /// `after` of the next page; null if there are no more spans.
     #[schema(required)]
     pub next: Option<u64>,
 }
 
-/// Over which intervals occupancy is summed up.
+/// The intervals over which occupancy is summed up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IntervalQuery {
-    /// Where the first begins.
+    /// Where the first interval begins.
     pub from: Timestamp,
-    /// The last begins before this time.
+    /// Where the last interval ends.
     pub to: Timestamp,
-    /// Length of each.
+    /// Length of each interval; the last may be shorter.
     pub step: SignedDuration,
-    /// Of this zone; none for the whole room.
+    /// The zone; `None` for the whole room.
     pub zone: Option<String>,
-    /// At most so many.
+    /// At most this many intervals.
     pub limit: usize,
 }
 
@@ -93,36 +93,36 @@ pub struct Interval {
     pub from: Timestamp,
     /// Where it ends.
     pub to: Timestamp,
-    /// People at once at most; none if nothing was watched.
+    /// Most people at once; null if none of it was watched.
     #[schema(required)]
     pub most: Option<usize>,
-    /// People in the mean over the time that was watched.
+    /// Mean number of people over the time that was watched; null if none of it was.
     #[schema(required)]
     pub mean: Option<f64>,
     /// Seconds with somebody there.
     pub occupied_s: f64,
-    /// Seconds of which something is known.
+    /// Seconds that were watched.
     pub watched_s: f64,
 }
 
 /// Some intervals.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct IntervalPage {
-    /// The intervals, the first first.
+    /// The intervals, in their order.
     pub intervals: Vec<Interval>,
-    /// `from` of the next page; none if there are no more of them.
+    /// `from` of the next page; null if there are no more intervals.
     #[schema(required)]
     pub next: Option<Timestamp>,
 }
 
-/// Where to look: a file's tables, then memory's. What is in memory goes before the same in the file.
+/// The tables to search, in the file and in memory. What is in both is taken from memory.
 pub(super) struct Tables<'a> {
     pub(super) file: Option<&'a Connection>,
     pub(super) memory: Option<&'a Connection>,
 }
 
 impl Tables<'_> {
-    /// Each connection, with the number of the first event that another one knows better.
+    /// The connections, file first, each with a bound: only events with smaller numbers are taken from it.
     fn of_events(&self) -> rusqlite::Result<Vec<(&Connection, i64)>> {
         let mut below = i64::MAX;
         let mut each = Vec::new();
@@ -136,11 +136,11 @@ impl Tables<'_> {
         Ok(each)
     }
 
-    /// With `after` or `from`, the first of those asked for; otherwise the newest.
+    /// The events that match: with `after` or `from` the first of them, otherwise the newest.
     pub(super) fn events(&self, query: &EventQuery) -> rusqlite::Result<EventPage> {
         let forwards = query.after.is_some() || query.from.is_some();
         let tables = self.of_events()?;
-        // One more than is asked for tells whether there are more.
+        // One more than the limit shows whether there is another page.
         let most = if forwards { query.limit + 1 } else { query.limit };
         let mut events = VecDeque::new();
         let mut ends: (Option<u64>, Option<u64>) = (None, None);
@@ -167,10 +167,10 @@ impl Tables<'_> {
         Ok(EventPage { events: events.into(), oldest: ends.0, newest: ends.1, next })
     }
 
-    /// The first of the spans asked for.
+    /// The first spans that match.
     pub(super) fn spans(&self, query: &SpanQuery) -> rusqlite::Result<SpanPage> {
         let SpanQuery { after, from, to, zone, limit } = query;
-        // A span that went on while the file could not be written is in both, and memory's is the longer one.
+        // A span that was open when the file became unwritable is in both; the one in memory is longer, and overwrites.
         let mut known = BTreeMap::new();
         for connection in self.file.into_iter().chain(self.memory) {
             each_span(connection, (*from, *to), zone.as_deref(), *after, limit + 1, |span| {
@@ -184,7 +184,7 @@ impl Tables<'_> {
         Ok(SpanPage { spans, next })
     }
 
-    /// Occupancy summed up interval by interval.
+    /// Occupancy, summed up over each interval.
     pub(super) fn intervals(&self, query: &IntervalQuery) -> rusqlite::Result<IntervalPage> {
         let IntervalQuery { from, to, step, zone, limit } = query;
         let mut intervals = Vec::new();
@@ -196,7 +196,7 @@ impl Tables<'_> {
         }
         let mut people_s = vec![0.0; intervals.len()];
         let mut counted = HashSet::new();
-        // Memory first: of a span that is in both, its is the longer one. What is in memory is never much.
+        // Memory first, because of a span that is in both it has the longer version. It never holds many spans.
         for (connection, in_memory) in self.memory.map(|m| (m, true)).into_iter().chain(self.file.map(|f| (f, false))) {
             each_span(connection, (*from, begin), zone.as_deref(), None, usize::MAX, |span| {
                 if in_memory {
@@ -270,7 +270,7 @@ pub(super) fn read_event(row: &Row<'_>) -> rusqlite::Result<Event> {
     })
 }
 
-/// Tells `each` of the spans that overlap a time, in the order of their numbers: those `after` one.
+/// Calls `each` for the spans that overlap a time, in the order of their numbers, beginning after the number `after`.
 fn each_span(
     connection: &Connection,
     (from, to): (Timestamp, Timestamp),
@@ -284,7 +284,7 @@ fn each_span(
          WHERE id > :after AND from_ns > :earliest AND from_ns < :to AND to_ns > :from AND zone IS :zone
          ORDER BY id LIMIT :limit",
     )?;
-    // A span may be a few seconds longer than the longest.
+    // A span may be a few seconds longer than LONGEST.
     let earliest = from.checked_sub(LONGEST * 2).unwrap_or(Timestamp::MIN);
     let parameters = named_params! {
         ":after": after.map_or(-1, integer),
@@ -385,14 +385,14 @@ mod tests {
             let query = IntervalQuery { from: at(0), to: at(30), step: SignedDuration::from_secs(30), zone, limit: 1 };
             assert_eq!(tables.intervals(&query).unwrap().intervals[0].watched_s, 20.0, "no span counts twice");
         }
-        // The pages of no tables at all.
+        // Without any tables.
         let none = Tables { file: None, memory: None };
         assert_eq!(none.events(&any).unwrap(), EventPage { events: vec![], oldest: None, newest: None, next: None });
     }
 
     #[test]
     fn intervals_add_up_to_what_the_spans_say() {
-        // Nobody, one, two; a gap; one. The bed is another matter.
+        // Nobody, one, two; a gap; one. The bed counts by itself.
         let spans = [
             (1, None, 0, 0, 30),
             (2, None, 1, 30, 50),

@@ -6,26 +6,26 @@ use super::store::{Store, nanoseconds};
 /// How much is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Retention {
-    /// What is older goes.
+    /// Anything older is deleted.
     pub age: SignedDuration,
-    /// Bytes on disk; beyond them, the oldest goes.
+    /// Most bytes on disk; beyond them, the oldest rows are deleted.
     pub bytes: u64,
 }
 
-/// Pages that the log of changes may have before they are put into the file; it counts as part of the bytes.
+/// Most pages that the write-ahead log is allowed; it counts as part of the bytes.
 pub(super) const LOG_PAGES: u64 = 200;
-/// Rows that go at once, so that nothing waits for long.
+/// Most rows deleted at once, so that nothing waits for long.
 const AT_ONCE: u64 = 2000;
 
 impl Store {
-    /// Deletes some of what is beyond the limits; returns how many rows went. None went: everything is within them.
+    /// Deletes some of the rows beyond the limits and returns how many; 0 if everything is within the limits.
     pub(super) fn prune(&mut self, limits: Retention, now: Timestamp) -> rusqlite::Result<usize> {
         let size = Size::of(&self.connection)?;
         let transaction = self.connection.transaction()?;
         let gone = if size.used() > limits.bytes { oldest(&transaction)? } else { expired(&transaction, limits, now)? };
         transaction.commit()?;
         if gone > 0 {
-            // Its rows are the pages that it gives back to the file system, one by one.
+            // The pragma frees one page for each row that is read from it.
             let mut vacuum = self.connection.prepare("PRAGMA incremental_vacuum")?;
             let mut rows = vacuum.query(())?;
             while rows.next()?.is_some() {}
@@ -33,7 +33,7 @@ impl Store {
         Ok(gone)
     }
 
-    /// Bytes of the tables and of their log at its longest.
+    /// Bytes of the tables and of the log at its longest.
     pub(super) fn bytes(&self) -> rusqlite::Result<u64> {
         Ok(Size::of(&self.connection)?.used())
     }
@@ -56,7 +56,7 @@ impl Size {
     }
 }
 
-/// Deletes a twentieth of each table, the oldest rows.
+/// Deletes the oldest twentieth of each table, within limits.
 fn oldest(connection: &Connection) -> rusqlite::Result<usize> {
     let mut gone = 0;
     for (table, number) in [("events", "sequence"), ("occupancy", "id")] {

@@ -1,10 +1,10 @@
 use rusqlite::{Connection, TransactionBehavior};
 
-/// How the tables came to be what they are, step by step; the file's `user_version` counts the steps taken. A step that a release
-/// had is never changed: another follows it.
+/// The steps that make the tables; the file's `user_version` counts the steps taken. A step that was released is never
+/// changed; changes are made by a further step.
 ///
-/// Times are nanoseconds since 1970, UTC. A null `zone` of `occupancy` is the whole room. `numbers` has numbers that were not used
-/// yet, some way ahead, so that one which was told and then lost in a crash is not used again.
+/// Times are nanoseconds since 1970, UTC. A null `zone` of `occupancy` is the whole room. `numbers` has numbers some
+/// way ahead of those in use, so that a number that was published and then lost in a crash is not used again.
 pub(super) const MIGRATIONS: &[&str] = &["
     CREATE TABLE events (
         sequence INTEGER PRIMARY KEY,
@@ -27,7 +27,7 @@ pub(super) const MIGRATIONS: &[&str] = &["
     CREATE TABLE numbers (name TEXT PRIMARY KEY, next INTEGER NOT NULL) STRICT, WITHOUT ROWID;
 "];
 
-/// Takes the steps that are missing, all of them or none; returns false for tables of a newer doorcam, which are left alone.
+/// Takes the missing steps, all or none. Returns false for the tables of a newer doorcam, which it leaves alone.
 pub(super) fn migrate(connection: &mut Connection, steps: &[&str]) -> rusqlite::Result<bool> {
     let transaction = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
     let taken: usize = transaction.pragma_query_value(None, "user_version", |row| row.get(0))?;
@@ -63,7 +63,7 @@ mod tests {
         let row = connection.query_row("SELECT sequence, note FROM events", (), |row| Ok((row.get(0)?, row.get(1)?)));
         assert_eq!(row, Ok((5, String::from("none"))));
         assert_eq!(version(&connection), MIGRATIONS.len() + 1);
-        assert!(!migrate(&mut connection, MIGRATIONS).unwrap(), "it is of a newer version");
+        assert!(!migrate(&mut connection, MIGRATIONS).unwrap(), "the tables are a newer version's");
     }
 
     #[test]

@@ -4,38 +4,38 @@ use utoipa::ToSchema;
 
 use doorcam_core::tracking::Occupancy;
 
-/// A span is at most this long: what overlaps a time began at most so long before it.
+/// Longest span, so that a query need not look further back for spans that overlap its start.
 pub(super) const LONGEST: SignedDuration = SignedDuration::from_hours(1);
-/// Without updates for this long, nothing is known of the time between.
+/// Times without updates for longer than this count as not watched.
 const GAP: SignedDuration = SignedDuration::from_secs(5);
 
 /// A time in which the number of people stayed the same. Times that no span covers were not watched.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, ToSchema)]
 pub struct Span {
-    /// Counts spans, in the order in which they began.
+    /// Number of the span; spans are numbered in the order in which they began.
     pub id: u64,
-    /// Which zone; none for the whole room.
+    /// The zone; null for the whole room.
     #[schema(required)]
     pub zone: Option<String>,
     /// How many people.
     pub people: usize,
-    /// Since when, RFC 3339.
+    /// Where it begins, RFC 3339.
     pub from: Timestamp,
-    /// Until when.
+    /// Where it ends.
     pub to: Timestamp,
 }
 
-/// Makes spans from the counts of update after update.
+/// Makes spans from the counts of successive updates.
 #[derive(Debug)]
 pub(super) struct Spans {
-    /// The room, then each zone.
+    /// The whole room, then each zone, with its open span.
     places: Vec<(Option<String>, Option<Span>)>,
     next: u64,
     last: Option<Timestamp>,
 }
 
 impl Spans {
-    /// Numbered from `next` on.
+    /// Numbers spans from `next` on.
     pub(super) fn new(next: u64) -> Self {
         Self { places: vec![(None, None)], next, last: None }
     }
@@ -45,8 +45,8 @@ impl Spans {
         self.next
     }
 
-    /// Takes in how many people are in the room and in each zone, none where that is not known; adds spans that are over to
-    /// `over`.
+    /// Takes in how many people are in the room and in each zone, `None` if that is not known, and adds the spans that
+    /// end to `over`.
     pub(super) fn observe(&mut self, time: Timestamp, people: Option<(usize, &[Occupancy])>, over: &mut Vec<Span>) {
         let interrupted = self.last.is_some_and(|last| {
             let elapsed = time.duration_since(last);
@@ -72,7 +72,7 @@ impl Spans {
         }
     }
 
-    /// Has a place for each of the zones, which change when somebody draws others: spans of those that are gone are over.
+    /// Adapts `places` to the zones, which a user may redraw. The spans of removed zones end.
     fn follow(&mut self, zones: &[Occupancy], over: &mut Vec<Span>) {
         let names = self.places[1..].iter().map(|(name, _)| name.as_deref());
         if names.eq(zones.iter().map(|zone| Some(zone.name.as_str()))) {
@@ -87,7 +87,7 @@ impl Spans {
         over.extend(before.into_iter().filter_map(|(_, open)| open).filter(|span| span.to > span.from));
     }
 
-    /// The spans that go on.
+    /// The spans that have not ended.
     pub(super) fn open(&self) -> impl Iterator<Item = &Span> {
         self.places.iter().filter_map(|(_, open)| open.as_ref()).filter(|span| span.to > span.from)
     }

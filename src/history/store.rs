@@ -12,16 +12,16 @@ use super::schema::{MIGRATIONS, migrate};
 use super::{Numbers, Span};
 use doorcam_core::tracking::Event;
 
-/// Why a history cannot be kept in a file.
+/// Why the history's file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// Another process writes it.
+    /// Another process keeps its history there.
     #[error("{}: another doorcam keeps its history there", .0.display())]
     Busy(PathBuf),
-    /// Made by a newer version.
+    /// The file was made by a newer version.
     #[error("{}: made by a newer doorcam", .0.display())]
     Newer(PathBuf),
-    /// It cannot be made, read or written.
+    /// The file cannot be created, read or written.
     #[error("{}: {source}", file.display())]
     Io {
         /// The file.
@@ -29,7 +29,7 @@ pub enum StoreError {
         /// Why not.
         source: io::Error,
     },
-    /// The same, as SQLite says it.
+    /// SQLite failed.
     #[error("{}: {source}", file.display())]
     Sql {
         /// The file.
@@ -37,7 +37,7 @@ pub enum StoreError {
         /// Why not.
         source: rusqlite::Error,
     },
-    /// It is not what SQLite wrote.
+    /// The file is damaged, or is no SQLite database.
     #[error("{}: {reason}", file.display())]
     Broken {
         /// The file.
@@ -47,37 +47,37 @@ pub enum StoreError {
     },
 }
 
-/// How long a statement waits for another process that looks at the file with a tool of its own.
+/// How long a statement waits for another process that has the file in use.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Numbers are reserved so many at a time.
+/// How far ahead numbers are reserved.
 const AHEAD: u64 = 1000;
 
 /// The tables, in a file or in memory.
 #[derive(Debug)]
 pub(super) struct Store {
     pub(super) connection: Connection,
-    /// What numbers the tables have as the next; none if not even that was written yet.
+    /// The next numbers as the tables have them; zeros if none have been written yet.
     reserved: Numbers,
-    /// Holds off other processes for as long as it is open.
+    /// Keeps other doorcams away from the file.
     _lock: Option<File>,
 }
 
-/// What is written at once.
+/// What is written in one transaction.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Batch {
     pub(super) events: Vec<Event>,
     pub(super) spans: Vec<Span>,
-    /// The numbers that were not used yet.
+    /// The first numbers not used yet.
     pub(super) next: Numbers,
 }
 
-/// Nanoseconds since 1970; those of the ends of the 64 bits for times beyond 1677 and 2262.
+/// Nanoseconds since 1970, saturated to 64 bits: they reach from 1677 to 2262.
 pub(super) fn nanoseconds(time: Timestamp) -> i64 {
     let beyond = if time.as_second() < 0 { i64::MIN } else { i64::MAX };
     i64::try_from(time.as_nanosecond()).unwrap_or(beyond)
 }
 
-/// A number as SQLite has it, which ends at 2⁶³ − 1.
+/// A number as an integer of SQLite, saturated at 2⁶³ − 1.
 pub(super) fn integer(number: u64) -> i64 {
     i64::try_from(number).unwrap_or(i64::MAX)
 }
@@ -89,14 +89,14 @@ impl Batch {
 }
 
 impl Store {
-    /// Tables that are gone with the process.
+    /// Tables in memory, which are lost when the process ends.
     pub(super) fn in_memory() -> rusqlite::Result<Self> {
         let mut connection = Connection::open_in_memory()?;
         migrate(&mut connection, MIGRATIONS)?;
         Ok(Self { connection, reserved: Numbers::default(), _lock: None })
     }
 
-    /// Opens a file or makes it, with its directory, and brings its tables up to date.
+    /// Opens the file, or creates it and its directory, and brings its tables up to date.
     pub(super) fn open(file: &Path) -> Result<Self, StoreError> {
         let io = |source| StoreError::Io { file: file.into(), source };
         if let Some(directory) = file.parent().filter(|directory| !directory.as_os_str().is_empty()) {
@@ -112,11 +112,11 @@ impl Store {
         connection.busy_timeout(PATIENCE).map_err(sql)?;
         let pages: u64 = connection.pragma_query_value(None, "page_count", |row| row.get(0)).map_err(sql)?;
         if pages == 0 {
-            // So that the file shrinks when old rows go. Said again, it would write into a file that may be broken.
+            // Lets the file shrink when rows are deleted. Only for a new file, because it would write to a broken one.
             connection.pragma_update(None, "auto_vacuum", "INCREMENTAL").map_err(sql)?;
         }
         connection.pragma_update(None, "journal_mode", "WAL").map_err(sql)?;
-        // In WAL mode a killed process loses nothing that was committed; after a power cut the newest commits may be missing.
+        // In WAL mode a killed process loses no commits; after a power cut the newest ones may be missing.
         connection.pragma_update(None, "synchronous", "NORMAL").map_err(sql)?;
         connection.pragma_update(None, "wal_autocheckpoint", LOG_PAGES / 2).map_err(sql)?;
         connection.pragma_update(None, "journal_size_limit", 4096 * LOG_PAGES / 2).map_err(sql)?;
@@ -132,14 +132,14 @@ impl Store {
         Ok(Self { connection, reserved, _lock: Some(lock) })
     }
 
-    /// The same, but a file that is broken is put aside first, under a name that ends in `.broken-` and the time, and returned.
+    /// Like [`Store::open`], but first renames a broken file, appending `.broken-` and the time; returns the new name.
     pub(super) fn open_or_replace(file: &Path) -> Result<(Self, Option<PathBuf>), StoreError> {
         let reason = match Self::open(file) {
             Err(StoreError::Broken { reason, .. }) => reason,
             opened => return opened.map(|store| (store, None)),
         };
         let aside = beside(file, &format!(".broken-{}", Timestamp::now().strftime("%Y%m%dT%H%M%SZ")));
-        tracing::warn!("{}: {reason}; it is put aside as {}", file.display(), aside.display());
+        tracing::warn!("{}: {reason}; renaming it to {}", file.display(), aside.display());
         let io = |source| StoreError::Io { file: file.into(), source };
         fs::rename(file, &aside).map_err(io)?;
         for part in ["-wal", "-shm"] {
@@ -151,12 +151,12 @@ impl Store {
         Ok((Self::open(file)?, Some(aside)))
     }
 
-    /// The numbers that were surely not used yet.
+    /// The first numbers that certainly were not used yet.
     pub(super) fn next(&self) -> Numbers {
         self.reserved
     }
 
-    /// Writes all of it or nothing. What is there already stays; a span that goes on is made longer.
+    /// Writes the whole batch or nothing. Events that exist stay as they are; spans that exist are extended.
     pub(super) fn write(&mut self, batch: &Batch) -> rusqlite::Result<()> {
         let Batch { events, spans, next } = batch;
         let mut reserved = self.reserved;
@@ -193,7 +193,7 @@ impl Store {
         Ok(())
     }
 
-    /// All that is there, to be written elsewhere.
+    /// All rows, to be written elsewhere.
     pub(super) fn everything(&self, next: Numbers) -> rusqlite::Result<Batch> {
         let mut select =
             self.connection.prepare("SELECT sequence, kind, time_ns, track, x_m, y_m, zone FROM events")?;
@@ -203,7 +203,7 @@ impl Store {
         Ok(Batch { events, spans, next })
     }
 
-    /// Gives back the numbers that were reserved and not used, and puts everything into the one file.
+    /// Releases the reserved numbers that were not used, and closes the file, which moves the log into it.
     pub(super) fn close(self, next: Numbers) -> rusqlite::Result<()> {
         reserve(&self.connection, next)?;
         self.connection.close().map_err(|(_, e)| e)
@@ -218,7 +218,7 @@ pub(super) fn open_reader(file: &Path) -> rusqlite::Result<Connection> {
     Ok(connection)
 }
 
-/// What went wrong; whether the file itself is at fault.
+/// An error of SQLite; `Broken` if the file itself is at fault.
 pub(super) fn failed(file: &Path, source: rusqlite::Error) -> StoreError {
     match source.sqlite_error_code() {
         Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => {
@@ -228,7 +228,7 @@ pub(super) fn failed(file: &Path, source: rusqlite::Error) -> StoreError {
     }
 }
 
-/// The file of that name with more at its end.
+/// The file's path with `more` appended to its name.
 pub(super) fn beside(file: &Path, more: &str) -> PathBuf {
     let mut name = file.as_os_str().to_owned();
     name.push(more);
@@ -285,11 +285,11 @@ pub(super) mod tests {
         assert_eq!(store.next(), Numbers::default());
         store.write(&batch).unwrap();
         store.close(next).unwrap();
-        assert!(!beside(&file, "-wal").exists(), "all is in one file");
+        assert!(!beside(&file, "-wal").exists(), "everything is in one file");
         let mut store = Store::open(&file).unwrap();
         assert_eq!((store.next(), count(&store, "events")), (next, 3));
         store.write(&batch).unwrap();
-        assert_eq!(count(&store, "events"), 3, "what is there stays as it is");
+        assert_eq!(count(&store, "events"), 3, "events that exist stay as they are");
         drop(store);
         let store = Store::open(&file).unwrap();
         assert_eq!(store.next(), Numbers { event: 1003, track: 1002, span: 1009 });
@@ -314,7 +314,7 @@ pub(super) mod tests {
         let mut store = Store::open(&file).unwrap();
         store.write(&Batch { events: (0..500).map(event).collect(), spans: Vec::new(), next }).unwrap();
         store.close(next).unwrap();
-        // Pages in the middle were overwritten.
+        // Overwrite pages in the middle.
         let mut bytes = fs::read(&file).unwrap();
         bytes[8192..16384].fill(0x5a);
         for bad in [

@@ -16,48 +16,48 @@ use doorcam_core::tracking::{Event, Occupancy, TrackState};
 use doorcam_engine::{State, Update};
 use doorcam_source::camera::Backoff;
 
-/// How often what is new is written.
+/// How often new events and spans are written.
 const EVERY: Duration = Duration::from_millis(500);
-/// Events, and spans, that wait to be written at most: a disk that hangs must not fill the memory.
+/// Most events, and most spans, that wait to be written: a disk that hangs must not fill the memory.
 const MOST_PENDING: usize = 10_000;
-/// Bytes that memory keeps while the file cannot be written.
+/// Most bytes kept in memory while the file cannot be written.
 const MEMORY_BYTES: u64 = 8_000_000;
-/// How long after a failure the file is tried again: first, and at last.
+/// First and longest delay before the file is tried again after a failure.
 const RETRY: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(30)];
-/// How long whoever asks waits for the newest to be written.
+/// How long a query waits for pending events and spans to be written.
 const SETTLE: Duration = Duration::from_secs(1);
 
-/// What an update says that is kept.
+/// The part of an update that goes into the history.
 #[derive(Debug, Clone, Copy)]
 pub struct Observation<'a> {
     /// Time of capture.
     pub time: Timestamp,
-    /// How many people are in the room and who is in each zone; none while that is not known.
+    /// How many people are in the room, and who is in each zone; `None` while that is not known.
     pub people: Option<(usize, &'a [Occupancy])>,
-    /// What happened.
+    /// The events of the update.
     pub events: &'a [Event],
-    /// The largest id of a track so far; none if there was none.
+    /// The largest track id of the update; `None` without tracks.
     pub track: Option<u64>,
 }
 
 /// How the history is kept.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, ToSchema)]
 pub struct HistoryReport {
-    /// "stored": in the file. "memory": only as long as the program runs.
+    /// "stored": in the file. "memory": in memory, so only until the program ends.
     pub state: &'static str,
     /// Why it is in memory.
     #[schema(required)]
     pub reason: Option<String>,
-    /// The file, if there should be one.
+    /// The file that the history is meant to be in; null if it is meant to be in memory.
     #[schema(value_type = Option<String>, required)]
     pub file: Option<PathBuf>,
-    /// Bytes that it takes.
+    /// Bytes that the file and its log take; 0 in memory.
     pub bytes: u64,
-    /// Events and spans that were given up because neither file nor memory could take them.
+    /// Events and spans that were lost because neither file nor memory could take them.
     pub lost: u64,
 }
 
-/// The history of a running doorcam: takes in what happens and tells what happened. Clones are the same history.
+/// The history of a running doorcam: records what happens and answers queries. Clones share one history.
 #[derive(Clone)]
 pub struct History {
     shared: Arc<Shared>,
@@ -67,9 +67,9 @@ pub struct History {
 
 struct Shared {
     pending: Mutex<Pending>,
-    /// Somebody wants what is pending to be written.
+    /// Signalled to have what is pending written at once.
     wanted: Condvar,
-    /// It was written.
+    /// Signalled after each write.
     written: Condvar,
     reading: Mutex<Reading>,
     report: Mutex<HistoryReport>,
@@ -79,20 +79,21 @@ struct Shared {
 struct Pending {
     batch: Batch,
     spans: Spans,
-    /// Whether anything came since the last time.
+    /// Whether there was an observation since the last write.
     fresh: bool,
     lost: u64,
-    /// Other limits, since the last time.
+    /// New limits since the last write, if any.
     limits: Option<Retention>,
-    /// Counts who wanted it to be written, and whose wish was fulfilled.
+    /// Number of requests to write at once.
     asked: u64,
+    /// How many of these requests have been served.
     answered: u64,
     ending: bool,
 }
 
-/// Where questions are answered from.
+/// What queries are answered from.
 struct Reading {
-    /// The file, once this run has had it in use.
+    /// The file, once this run has used it.
     file: Option<PathBuf>,
     connection: Option<Connection>,
     memory: Store,
@@ -105,13 +106,17 @@ struct Writer {
     store: Option<Store>,
     backoff: Backoff,
     retry_at: Instant,
-    /// Whether more than the last write may be beyond the limits.
+    /// Whether to prune even if nothing was written: rows may still be beyond the limits.
     full: bool,
 }
 
 impl History {
-    /// Opens the file and starts the thread that writes it. A file that cannot be used is no error: memory takes its place, and
-    /// the report says so.
+    /// Opens the file and starts the thread that writes it. A file that cannot be used is no error: the history is then
+    /// kept in memory, and the report says so.
+    ///
+    /// # Errors
+    ///
+    /// If not even memory can be used, or the thread cannot be started.
     pub fn start(kept: Kept) -> Result<Self, HistoryError> {
         let (history, mut writer) = Self::open(kept)?;
         let thread = std::thread::Builder::new().name("history".into()).spawn(move || writer.run());
@@ -128,13 +133,14 @@ impl History {
         let begin = |file: &Path| -> Result<(Store, Numbers), StoreError> {
             let (mut opened, aside) = Store::open_or_replace(file)?;
             let next = if aside.is_some() { Numbers::unknown(Timestamp::now()) } else { opened.next() };
-            // They are reserved before the first of them is used: who is killed with nothing written yet uses none again.
+            // Reserve the numbers before the first is used, so that none is used twice even if the process is killed
+            // before its first write.
             opened.write(&Batch { next, ..Batch::default() }).map_err(|e| failed(file, e))?;
             Ok((opened, next))
         };
         let numbers = match kept.file.as_deref().map(begin) {
             Ok(Ok((opened, next))) => {
-                // Open before it is needed: on a full disk it could not be.
+                // Opened ahead of need, because on a full disk it could not be opened.
                 reading.connection = kept.file.as_deref().ok().and_then(|file| open_reader(file).ok());
                 (reading.file, reading.in_memory) = (kept.file.clone().ok(), false);
                 (report.state, report.bytes) = ("stored", opened.bytes().unwrap_or(0));
@@ -169,12 +175,12 @@ impl History {
         Ok((Self { shared, writer: Arc::default(), numbers }, writer))
     }
 
-    /// The numbers with which this run begins.
+    /// The first numbers of this run.
     pub fn numbers(&self) -> Numbers {
         self.numbers
     }
 
-    /// Takes in what an update says. Never waits for the disk.
+    /// Records an update. Never waits for the disk.
     pub fn take_update(&self, update: &Update) {
         let people = update.tracks.iter().filter(|track| track.state != TrackState::Tentative).count();
         self.take(&Observation {
@@ -185,7 +191,7 @@ impl History {
         });
     }
 
-    /// The same, of whatever makes observations.
+    /// Records an observation. Never waits for the disk.
     pub fn take(&self, observation: &Observation<'_>) {
         let Observation { time, people, events, track } = *observation;
         let mut pending = lock(&self.shared.pending);
@@ -195,28 +201,40 @@ impl History {
         batch.next.span = spans.next();
         batch.next.track = track.map_or(batch.next.track, |track| batch.next.track.max(track + 1));
         batch.next.event = events.last().map_or(batch.next.event, |event| batch.next.event.max(event.sequence + 1));
-        let room = MOST_PENDING.saturating_sub(batch.events.len()).min(events.len());
-        batch.events.extend_from_slice(&events[..room]);
-        *lost += (events.len() - room + batch.spans.len().saturating_sub(MOST_PENDING)) as u64;
+        let taken = MOST_PENDING.saturating_sub(batch.events.len()).min(events.len());
+        batch.events.extend_from_slice(&events[..taken]);
+        *lost += (events.len() - taken + batch.spans.len().saturating_sub(MOST_PENDING)) as u64;
         batch.spans.truncate(MOST_PENDING);
     }
 
-    /// Some of the events. Takes as long as the disk does.
+    /// The events that match. May wait for the disk.
+    ///
+    /// # Errors
+    ///
+    /// If the history cannot be read.
     pub fn events(&self, query: &EventQuery) -> Result<EventPage, StoreError> {
         self.read(|tables| tables.events(query))
     }
 
-    /// Some of the spans of occupancy. Takes as long as the disk does.
+    /// The spans that match. May wait for the disk.
+    ///
+    /// # Errors
+    ///
+    /// If the history cannot be read.
     pub fn spans(&self, query: &SpanQuery) -> Result<SpanPage, StoreError> {
         self.read(|tables| tables.spans(query))
     }
 
-    /// Occupancy, interval by interval. Takes as long as the disk does.
+    /// Occupancy, summed up over each interval. May wait for the disk.
+    ///
+    /// # Errors
+    ///
+    /// If the history cannot be read.
     pub fn intervals(&self, query: &IntervalQuery) -> Result<IntervalPage, StoreError> {
         self.read(|tables| tables.intervals(query))
     }
 
-    /// Keeps more or less from now on.
+    /// Changes how much is kept.
     pub fn limit(&self, limits: Retention) {
         lock(&self.shared.pending).limits = Some(limits);
     }
@@ -226,7 +244,7 @@ impl History {
         lock(&self.shared.report).clone()
     }
 
-    /// Waits until what was taken in so far is written, in the file or in memory; false if that takes too long.
+    /// Waits until everything recorded so far is written, to the file or to memory; false if that takes too long.
     pub fn settle(&self) -> bool {
         let mut pending = lock(&self.shared.pending);
         pending.asked += 1;
@@ -242,13 +260,13 @@ impl History {
         lock(&self.shared.pending).ending = true;
         self.shared.wanted.notify_all();
         if let Some(thread) = lock(&self.writer).take() {
-            // A panic has been reported when it happened.
+            // A panic was already reported when it happened.
             let _ = thread.join();
         }
     }
 
     fn read<T>(&self, ask: impl Fn(&Tables<'_>) -> rusqlite::Result<T>) -> Result<T, StoreError> {
-        // What a disk that hangs has not taken is missing from the answer.
+        // If the disk hangs, the answer lacks what has not been written yet.
         self.settle();
         let mut reading = lock(&self.shared.reading);
         let reading = &mut *reading;
@@ -265,7 +283,7 @@ impl History {
             reading.connection = None;
         }
         match answer {
-            // The file that cannot be written may be one that cannot be read, either.
+            // A file that cannot be written may not be readable either.
             Err(_) if memory.is_some() => ask(&Tables { file: None, memory }),
             answer => answer,
         }
@@ -276,10 +294,10 @@ impl History {
 /// Why there is no history at all.
 #[derive(Debug, thiserror::Error)]
 pub enum HistoryError {
-    /// Not even memory could be had.
+    /// The tables in memory cannot be created.
     #[error("cannot keep a history in memory: {0}")]
     Memory(rusqlite::Error),
-    /// Its thread could not be started.
+    /// The thread that writes the history cannot be started.
     #[error("cannot start the thread that writes the history: {0}")]
     Thread(std::io::Error),
 }
@@ -288,7 +306,7 @@ impl Writer {
     fn run(&mut self) {
         while self.turn() {}
         let next = lock(&self.shared.pending).batch.next;
-        // An open reader would keep the log from being put into the file.
+        // An open reader would keep SQLite from moving the log into the file.
         lock(&self.shared.reading).connection = None;
         if let Some(store) = self.store.take()
             && let Err(e) = store.close(next)
@@ -297,7 +315,7 @@ impl Writer {
         }
     }
 
-    /// The same, after a while or when somebody wants it.
+    /// Waits for the next regular write, or until one is requested, and writes; false after the last write.
     fn turn(&mut self) -> bool {
         let idle = |pending: &mut Pending| pending.asked == pending.answered && !pending.ending;
         let waited = self.shared.wanted.wait_timeout_while(lock(&self.shared.pending), EVERY, idle);
@@ -305,7 +323,7 @@ impl Writer {
         self.put_away()
     }
 
-    /// Writes what came; false if that was the last time.
+    /// Writes what is pending; false if that was the last write.
     fn put_away(&mut self) -> bool {
         let mut pending = lock(&self.shared.pending);
         let (asked, ending) = (pending.asked, pending.ending);
@@ -347,7 +365,7 @@ impl Writer {
         }
     }
 
-    /// Goes on in memory.
+    /// Switches to memory after an error.
     fn degrade(&mut self, error: &rusqlite::Error) {
         let Ok(file) = &self.kept.file else { return };
         let reason = format!("{}: {error}", file.display());
@@ -363,14 +381,14 @@ impl Writer {
         (report.state, report.reason) = ("memory", Some(reason));
     }
 
-    /// Tries the file again and writes what memory kept.
+    /// Tries the file again, and moves what is in memory to it.
     fn restore(&mut self) {
         let Ok(file) = self.kept.file.clone() else { return };
         let mut reading = lock(&self.shared.reading);
         let opened = match Store::open(&file) {
             Err(StoreError::Broken { .. }) => {
-                // It will be put aside, and questions are not answered from it any more. As long as it may only be full, the
-                // reader stays: on a full disk it could not be opened again.
+                // The file is about to be renamed, so queries must no longer read it. Otherwise the reader stays open,
+                // because on a full disk it could not be opened again.
                 reading.connection = None;
                 Store::open_or_replace(&file).map(|(store, _)| store)
             }
@@ -393,7 +411,7 @@ impl Writer {
                 self.backoff.reset();
                 let mut report = lock(&self.shared.report);
                 (report.state, report.reason) = ("stored", None);
-                tracing::info!("{}: the history is kept there again", file.display());
+                tracing::info!("{}: the history is kept in this file again", file.display());
             }
             Err(e) => {
                 drop(reading);
@@ -403,7 +421,7 @@ impl Writer {
         }
     }
 
-    /// Deletes some of what is too much or too old.
+    /// Deletes some of the rows that are too old or too many.
     fn prune(&mut self) {
         let limits = self.kept.limits;
         let pruned = match &mut self.store {

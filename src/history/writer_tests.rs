@@ -13,7 +13,7 @@ fn at(seconds: u64) -> Timestamp {
     Timestamp::from_second(seconds as i64).unwrap()
 }
 
-/// A second each: somebody is there in every other one, and one event happens.
+/// Records one observation a second, each with one event; somebody is there in every other second.
 fn live(history: &History, seconds: std::ops::Range<u64>) {
     for second in seconds {
         let events = [event(second)];
@@ -23,7 +23,7 @@ fn live(history: &History, seconds: std::ops::Range<u64>) {
     }
 }
 
-/// Numbers of all events, and of spans of the room with somebody in it.
+/// The numbers of all events, and the seconds in which spans of the room with somebody in it begin.
 fn told(history: &History) -> (Vec<u64>, Vec<u64>) {
     let query = EventQuery { after: Some(0), limit: 100_000, ..EventQuery::default() };
     let reading = lock(&history.shared.reading);
@@ -37,7 +37,7 @@ fn told(history: &History) -> (Vec<u64>, Vec<u64>) {
     (events.iter().map(|event| event.sequence).collect(), occupied.collect())
 }
 
-/// What `told` should be after so many seconds: the last one goes on.
+/// What `told` should be after so many seconds. The last span has not ended.
 fn all(seconds: u64) -> (Vec<u64>, Vec<u64>) {
     ((1..seconds).collect(), (0..seconds - 1).filter(|s| s % 2 == 1).collect())
 }
@@ -50,7 +50,7 @@ fn a_full_disk_makes_memory_take_over_until_there_is_room_again() {
     live(&history, 0..200);
     writer.put_away();
     assert_eq!((history.report().state, history.report().reason), ("stored", None));
-    // As many pages as there are: the next one is refused, as on a disk that is full.
+    // Allow no more pages than there are, so that the next one is refused as on a full disk.
     let connection = &writer.store.as_ref().unwrap().connection;
     let pages: u64 = connection.pragma_query_value(None, "page_count", |row| row.get(0)).unwrap();
     connection.query_row(&format!("PRAGMA max_page_count = {pages}"), (), |_| Ok(())).unwrap();
@@ -61,8 +61,8 @@ fn a_full_disk_makes_memory_take_over_until_there_is_room_again() {
     assert_eq!((report.state, report.reason, report.lost), ("memory", Some(reason), 0));
     live(&history, 2000..2100);
     writer.put_away();
-    assert_eq!(told(&history), all(2100), "file and memory together tell everything");
-    // The limit was of that connection.
+    assert_eq!(told(&history), all(2100), "file and memory together have everything");
+    // The limit applied only to that connection, so a new one can write.
     writer.retry_at = Instant::now();
     live(&history, 2100..2200);
     writer.put_away();
@@ -70,7 +70,7 @@ fn a_full_disk_makes_memory_take_over_until_there_is_room_again() {
     assert_eq!(told(&history), all(2200));
     drop(writer);
     let (history, _writer) = History::open(kept(Ok(file))).unwrap();
-    assert_eq!(told(&history), all(2200), "memory's part is in the file now");
+    assert_eq!(told(&history), all(2200), "what was in memory is in the file now");
     assert!(history.numbers().event >= 2200);
 }
 
@@ -105,7 +105,7 @@ fn a_file_that_breaks_while_it_is_used_is_put_aside() {
     let mut bytes = std::fs::read(&file).unwrap();
     bytes[4096..].fill(0x5a);
     std::fs::write(&file, &bytes).unwrap();
-    // Its pages are in the connection's cache; another connection sees what became of them.
+    // The old connection still has the pages in its cache; a new one sees the damage.
     writer.store = None;
     writer.retry_at = Instant::now();
     lock(&history.shared.reading).in_memory = true;

@@ -6,14 +6,14 @@ use crate::watch::Hub;
 use doorcam_core::tracking::{Track, TrackState};
 use doorcam_engine::State;
 
-/// What there is to say at a time.
+/// What is published about one moment.
 #[derive(Debug, Clone)]
 pub(super) struct Facts {
     pub(super) state: State,
     pub(super) time: Option<Timestamp>,
     /// How many people are in the room.
     pub(super) people: usize,
-    /// The same of each zone, in the order of the configuration.
+    /// How many people are in each zone, in the order of [`Hub::zones`].
     pub(super) zones: Vec<usize>,
     pub(super) tracks: Vec<Track>,
 }
@@ -27,7 +27,7 @@ struct Tracks<'a> {
 }
 
 impl Facts {
-    /// Of now.
+    /// The present facts.
     pub(super) fn of(hub: &Hub) -> Self {
         let latest = hub.latest();
         let update = latest.as_ref().map(|latest| &latest.update);
@@ -47,11 +47,11 @@ impl Facts {
 
     /// The tracks as JSON.
     pub(super) fn tracks_json(&self) -> String {
-        // It has no map with keys other than strings, the one thing that serialisation refuses.
+        // Serialisation cannot fail, because all keys are strings.
         serde_json::to_string(&Tracks { time: self.time, state: self.state, tracks: &self.tracks }).unwrap_or_default()
     }
 
-    /// As topics name the state.
+    /// The state's name in topics.
     pub(super) fn state_name(&self) -> &'static str {
         match self.state {
             State::Learning => "learning",
@@ -62,7 +62,7 @@ impl Facts {
     }
 }
 
-/// A level of a topic for each zone, no two the same.
+/// A topic level for each zone, all different.
 pub(super) fn zone_levels(names: &[&str]) -> Vec<String> {
     let mut levels: Vec<String> = Vec::new();
     for name in names {

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::mqtt::Topics;
+use super::topics::Topics;
 
 /// A retained message that makes entities appear in Home Assistant.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,7 +11,7 @@ pub(super) struct Announcement {
     pub(super) payload: String,
 }
 
-/// Announces occupancy and count of the room and of each zone, as entities of one device.
+/// The announcements of occupancy and number of people in the room and in each zone, as entities of one device.
 pub(super) fn announcements(prefix: &str, topics: &Topics, name: &str, zones: &[&str]) -> Vec<Announcement> {
     let room = [(String::new(), topics.occupancy(None), topics.count(None), String::new())];
     let zones = zones.iter().enumerate().map(|(k, zone)| {
@@ -56,7 +56,7 @@ impl Entity<'_> {
         let version = env!("CARGO_PKG_VERSION");
         let mut payload = entity;
         payload["unique_id"] = json!(format!("doorcam_{id}_{object}"));
-        // Nothing is known of the room while doorcam is away, and while it has no map that can be trusted.
+        // Nothing is known about the room while doorcam is offline or its map cannot be trusted.
         payload["availability"] = json!([
             {"topic": topics.availability()},
             {"topic": topics.state(), "value_template": "{{ 'online' if value == 'watching' else 'offline' }}"},

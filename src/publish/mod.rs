@@ -1,11 +1,12 @@
-//! What happens, told to other systems: an MQTT broker, Home Assistant through it, and webhooks.
+//! Publishing to other systems: an MQTT broker, Home Assistant through it, and webhooks.
 //!
-//! Each has its own state and error in the status; none of them can hold up the frame loop, and none queues without bound.
+//! Each has its own state and error in the status. None can hold up the frame loop, and none queues without bound.
 
 mod facts;
 mod home_assistant;
 mod mqtt;
 mod signature;
+mod topics;
 mod webhook;
 
 use std::path::{Path, PathBuf};
@@ -23,13 +24,13 @@ use crate::config::Config;
 use crate::watch::Hub;
 use doorcam_engine::Update;
 
-/// Why nothing can be published.
+/// Why publishing cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum PublishError {
     /// A file that the configuration names cannot be used.
     #[error("{key}: {}: {reason}", file.display())]
     File {
-        /// The key.
+        /// The configuration key.
         key: &'static str,
         /// The file.
         file: PathBuf,
@@ -44,7 +45,7 @@ pub enum PublishError {
 /// How publishing goes.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct PublishReport {
-    /// The broker; none where none is configured.
+    /// The broker; null if none is configured.
     #[schema(required)]
     pub mqtt: Option<MqttReport>,
     /// The webhooks, in the order of the configuration.
@@ -59,7 +60,11 @@ pub struct Publishers {
 }
 
 impl Publishers {
-    /// As configured; reads the files with passwords and secrets, and starts the webhooks.
+    /// The configured publishers. Reads the files with passwords and secrets, and starts the webhooks.
+    ///
+    /// # Errors
+    ///
+    /// If a file cannot be used, or a webhook's thread cannot be started.
     pub fn new(config: &Config) -> Result<Self, PublishError> {
         let mqtt = mqtt::Settings::of(config)?;
         let mqtt = mqtt.map(|settings| {
@@ -71,21 +76,21 @@ impl Publishers {
         Ok(Self { mqtt, webhooks: Arc::new(webhooks.collect::<Result<_, _>>()?) })
     }
 
-    /// Takes in an update. Never waits.
+    /// Passes the events of an update to the webhooks. Never waits.
     pub fn take_update(&self, update: &Update) {
         for event in &update.events {
             self.webhooks.iter().for_each(|webhook| webhook.take(event));
         }
     }
 
-    /// Keeps the broker informed until `ending` turns true; returns when it has been told of the end.
+    /// Keeps the broker informed until `ending` turns true, and returns once the broker has been told of the end.
     pub async fn run(self, hub: Arc<Hub>, ending: watch::Receiver<bool>) {
         if let Some((settings, report)) = self.mqtt {
             mqtt::run(settings, &hub, &report, ending).await;
         }
     }
 
-    /// How it goes.
+    /// How publishing goes.
     pub fn report(&self) -> PublishReport {
         PublishReport {
             mqtt: self.mqtt.as_ref().map(|(_, report)| lock(report).clone()),
@@ -94,7 +99,7 @@ impl Publishers {
     }
 }
 
-/// What a file has that has nothing but a secret in it.
+/// Reads a file that holds only a secret.
 fn secret(key: &'static str, file: &Path) -> Result<String, PublishError> {
     let refused = |reason: String| PublishError::File { key, file: file.into(), reason };
     let text = std::fs::read_to_string(file).map_err(|e| refused(e.to_string()))?;

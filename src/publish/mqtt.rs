@@ -10,8 +10,9 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::{interval, sleep, timeout};
 use utoipa::ToSchema;
 
-use super::facts::{Facts, zone_levels};
+use super::facts::Facts;
 use super::home_assistant::{Announcement, announcements};
+use super::topics::{Topics, availability};
 use super::{PublishError, lock, secret};
 use crate::config::{Config, MqttConfig};
 use crate::watch::Hub;
@@ -19,8 +20,8 @@ use doorcam_source::camera::Backoff;
 
 /// Delays before the broker is tried again: first, and at last.
 const RETRY: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(30)];
-/// The broker takes a client for dead that was silent for one and a half times this.
-const KEEP_ALIVE: Duration = Duration::from_secs(10);
+/// The broker takes a client for dead that was silent for one and a half times this; seconds.
+const KEEP_ALIVE: u16 = 10;
 /// Tracks are told at most this often.
 const TRACKS: Duration = Duration::from_millis(500);
 /// How often is looked whether the updates have become stale.
@@ -63,51 +64,6 @@ pub struct MqttReport {
     pub missed: u64,
 }
 
-/// The topics of one doorway.
-#[derive(Debug, Clone)]
-pub(super) struct Topics {
-    root: String,
-    id: String,
-    zones: Vec<String>,
-}
-
-impl Topics {
-    pub(super) fn new(root: &str, id: &str, zones: &[&str]) -> Self {
-        Self { root: root.into(), id: id.into(), zones: zone_levels(zones) }
-    }
-
-    pub(super) fn id(&self) -> &str {
-        &self.id
-    }
-
-    /// The level that names a zone.
-    pub(super) fn zone(&self, zone: usize) -> &str {
-        self.zones.get(zone).map_or("", String::as_str)
-    }
-
-    pub(super) fn availability(&self) -> String {
-        availability(&self.root)
-    }
-
-    pub(super) fn state(&self) -> String {
-        format!("{}/state", self.root)
-    }
-
-    /// `ON` and `OFF`, of the room or of a zone.
-    pub(super) fn occupancy(&self, zone: Option<usize>) -> String {
-        format!("{}/occupancy", self.place(zone))
-    }
-
-    /// How many people, in the room or in a zone.
-    pub(super) fn count(&self, zone: Option<usize>) -> String {
-        format!("{}/people", self.place(zone))
-    }
-
-    fn place(&self, zone: Option<usize>) -> String {
-        zone.map_or_else(|| self.root.clone(), |zone| format!("{}/zones/{}", self.root, self.zone(zone)))
-    }
-}
-
 impl MqttReport {
     pub(super) fn new(settings: &Settings) -> Self {
         let (broker, topic) = (settings.broker.clone(), settings.root.clone());
@@ -124,17 +80,17 @@ impl Settings {
         }
         let id = config.site.id();
         let root = format!("{prefix}/{id}");
-        let mut options = MqttOptions::new(format!("doorcam-{id}"), host, *port);
+        let mut options = MqttOptions::new(format!("doorcam-{id}"), (host, *port));
         options.set_keep_alive(KEEP_ALIVE);
         options.set_max_packet_size(LONGEST, LONGEST);
         options.set_last_will(LastWill::new(availability(&root), "offline", QoS::AtLeastOnce, true));
         if !username.is_empty() {
-            let password = if password_file.as_os_str().is_empty() {
-                String::new()
+            // An empty password is not the same as none.
+            if password_file.as_os_str().is_empty() {
+                options.set_username(username);
             } else {
-                secret("mqtt.password_file", password_file)?
-            };
-            options.set_credentials(username, password);
+                options.set_credentials(username, secret("mqtt.password_file", password_file)?);
+            }
         }
         if *tls {
             // Another part of the program may have chosen the same before.
@@ -152,10 +108,6 @@ impl Settings {
         let (name, home_assistant) = (config.site.name(), home_assistant.clone());
         Ok(Some(Self { options, broker, root, id, name, home_assistant }))
     }
-}
-
-fn availability(root: &str) -> String {
-    format!("{root}/availability")
 }
 
 /// What the broker was told over this connection.
@@ -246,11 +198,17 @@ pub(super) async fn run(settings: Settings, hub: &Hub, report: &Mutex<MqttReport
 async fn keep_connected(mut connection: EventLoop, tell: mpsc::Sender<News>) {
     let [first, longest] = RETRY;
     let mut backoff = Backoff::new(first, longest, u64::from(std::process::id()));
+    let mut leaving = false;
     loop {
         let news = match connection.poll().await {
             Ok(Event::Incoming(Packet::ConnAck(_))) => News::Made,
-            Ok(Event::Outgoing(Outgoing::Disconnect)) => News::Closed,
-            Ok(_) => continue,
+            Ok(event) => {
+                leaving |= event == Event::Outgoing(Outgoing::Disconnect);
+                continue;
+            }
+            // The broker closes the connection once it has read everything. Closed from here, with acknowledgements unread, it would
+            // be broken off, and the broker would miss the end.
+            Err(_) if leaving => News::Closed,
             Err(error) => News::Lost(error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")),
         };
         let (delay, over) = match news {
@@ -296,7 +254,7 @@ impl Session<'_> {
     fn rezone(&mut self) {
         (self.zones, self.topics, self.announcements) = described(self.settings, self.hub);
         self.introduced = false;
-        let zones = (0..self.topics.zones.len())
+        let zones = (0..self.topics.zones())
             .flat_map(|zone| [self.topics.occupancy(Some(zone)), self.topics.count(Some(zone))]);
         let room =
             [self.topics.availability(), self.topics.state(), self.topics.occupancy(None), self.topics.count(None)];

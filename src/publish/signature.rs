@@ -1,10 +1,10 @@
 use hmac::{Hmac, KeyInit, Mac};
 use sha2::Sha256;
 
-/// Signs a webhook's body: HMAC-SHA256 (RFC 2104) of the timestamp, a full stop and the body, in hexadecimal. With the time in it, an
-/// old message cannot be passed off as a new one.
+/// Signs a webhook's body: HMAC-SHA256 (RFC 2104) of the timestamp (seconds since 1970), a full stop and the body, in
+/// hexadecimal. Because the time is signed, an old message cannot be passed off as a new one.
 pub fn sign(secret: &str, timestamp: i64, body: &str) -> String {
-    // HMAC takes keys of every length; the error is that of other algorithms.
+    // HMAC accepts keys of any length, so this cannot fail.
     let Ok(mut mac) = Hmac::<Sha256>::new_from_slice(secret.as_bytes()) else { return String::new() };
     mac.update(format!("{timestamp}.{body}").as_bytes());
     mac.finalize().into_bytes().iter().map(|byte| format!("{byte:02x}")).collect()

@@ -16,21 +16,21 @@ use crate::config::{HookUrl, WebhookConfig};
 use doorcam_core::tracking::{Event, EventKind};
 use doorcam_source::camera::Backoff;
 
-/// Events that wait for a receiver; more are given up.
+/// Most events that wait for a receiver; further ones are given up.
 const WAITING: usize = 1000;
-/// Times that an event is tried before it is given up: over about four minutes.
+/// Attempts to deliver an event before it is given up, over about four minutes.
 const ATTEMPTS: u32 = 8;
-/// Delays between them: first, and at last.
+/// First and longest delay between attempts.
 const RETRY: [Duration; 2] = [Duration::from_secs(2), Duration::from_secs(120)];
 /// How long a receiver may take to answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// How a webhook does.
+/// The state of a webhook.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct WebhookReport {
-    /// Where it is, without what may be secret.
+    /// Its URL without the path, which may be secret.
     pub url: String,
-    /// Events that wait.
+    /// Events that wait to be delivered.
     pub waiting: u64,
     /// Events that were accepted.
     pub delivered: u64,
@@ -38,12 +38,12 @@ pub struct WebhookReport {
     pub retried: u64,
     /// Events that were given up (dead letters).
     pub dead: u64,
-    /// What went wrong last; none after a success.
+    /// What went wrong last; null after a success.
     #[schema(required)]
     pub error: Option<String>,
 }
 
-/// One receiver of events, with a thread of its own.
+/// One receiver of events, which has its own thread.
 pub(super) struct Webhook {
     kinds: Vec<EventKind>,
     queue: SyncSender<Event>,
@@ -60,11 +60,11 @@ struct State {
     meters: [Counter; 3],
 }
 
-/// What is posted.
+/// The body of a post.
 #[derive(Serialize)]
 struct Message<'a> {
     version: u32,
-    /// Which doorway.
+    /// The id of the doorway.
     site: &'a str,
     event: &'a Event,
 }
@@ -87,7 +87,7 @@ struct Failure {
 impl Failure {
     fn of(error: ureq::Error) -> Self {
         match error {
-            // It would name the address, which may have a secret in it.
+            // ureq's message has the whole URL, which may contain a secret.
             ureq::Error::BadUri(_) => Self { why: "its url cannot be used".into(), passing: false },
             error => Self { why: error.to_string(), passing: true },
         }
@@ -135,7 +135,7 @@ impl Webhook {
         Ok(Self { kinds: config.events.clone(), queue, state })
     }
 
-    /// Takes an event in if it is one of those asked for. Never waits.
+    /// Queues an event if it is of a configured kind. Never waits.
     pub(super) fn take(&self, event: &Event) {
         if !self.kinds.is_empty() && !self.kinds.contains(&event.kind) {
             return;
@@ -161,11 +161,11 @@ impl Webhook {
     }
 }
 
-/// With the certificates that the system trusts.
+/// TLS with the certificates that the system trusts.
 fn tls() -> TlsConfig {
-    // Another part of the program may have chosen the same before.
+    // Fails only if another part of the program has already installed a provider.
     let _ = ring::default_provider().install_default();
-    // Those that cannot be read are missing; a receiver that needs one of them is refused, and that is told.
+    // Certificates that cannot be read are left out; a receiver that needs one then fails with a reported error.
     let trusted = rustls_native_certs::load_native_certs().certs;
     let certificates = trusted.iter().map(|certificate| Certificate::from_der(certificate).to_owned());
     TlsConfig::builder().root_certs(RootCerts::from(certificates)).build()
@@ -183,7 +183,7 @@ impl State {
         self.meters[2].increment(1);
     }
 
-    /// Says what went wrong, once while it stays the same.
+    /// Keeps what went wrong, and logs it unless it is the same as before.
     fn failed(&self, why: String) {
         let mut error = lock(&self.error);
         if error.as_ref() != Some(&why) {
@@ -194,7 +194,7 @@ impl State {
 }
 
 impl Worker {
-    /// Delivers event after event, in their order, until the program ends.
+    /// Delivers the events in their order until the program ends.
     fn run(&mut self, events: &Receiver<Event>) {
         while let Ok(event) = events.recv() {
             self.deliver(&event);
@@ -225,7 +225,7 @@ impl Worker {
         let Self { state, site, secret, agent, .. } = self;
         let message = serde_json::to_string(&Message { version: 1, site, event });
         let body = message.map_err(|e| Failure { why: e.to_string(), passing: false })?;
-        // Of each attempt: a receiver refuses what was signed long ago.
+        // A new timestamp for each attempt, because receivers refuse old signatures.
         let timestamp = Timestamp::now().as_second();
         let answer = agent
             .post(state.url.secret())

@@ -11,8 +11,8 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::Shared;
-use super::openapi::{Conflicting, Failed, NotReady, NotYet, PICTURES, Picture, ROOM, SETUP, STATE, UNCHANGED};
-use super::problem::Problem;
+use super::answers::{Conflicting, Failed, NotReady, NotYet, PICTURES, Picture, ROOM, SETUP, STATE, UNCHANGED};
+use super::problem::ProblemDetails;
 use super::tag::{self, Tag};
 use crate::config::Config;
 use crate::history::HistoryReport;
@@ -24,64 +24,70 @@ use doorcam_core::tracking::Zone;
 use doorcam_engine::figures::RenderError;
 use doorcam_engine::{Published, Update, Watched};
 
-/// The doorway, the room and what the map is made of, in the door frame.
+/// The doorway, the hidden room and the facets of the map, in metres in the door frame.
 #[derive(Serialize, ToSchema)]
 pub(super) struct Geometry {
-    /// Which calibration it is of: updates of another one have another geometry.
+    /// Number of the calibration that this geometry belongs to. Updates with another number have another geometry.
     calibration: u32,
     /// The opening.
     doorway: Doorway,
-    /// The hidden room that the map covers.
+    /// The part of the hidden room that the map covers.
     room: Room,
     /// The floor patches.
     patch: PatchReport,
-    /// The ends of each facet on the floor plan; an update's facets are indices in here.
+    /// The two ends of each facet on the floor plan. The `index` of an update's facets counts in this list.
     #[schema(value_type = Vec<schema::Segment>)]
     facets: Vec<[Point; 2]>,
-    /// Per facet, whether it is where people are; the rest shows walls.
+    /// Per facet, whether it is in the foreground, where people are; the others show the walls.
     foreground: Vec<bool>,
-    /// Counts changes of the zones in this run.
+    /// How often the zones have changed in this run.
     zones_revision: u32,
-    /// The parts of the room that have names.
+    /// The named parts of the room.
     zones: Vec<Zone>,
 }
 
 /// The floor patches: one at each edge, on the visible side.
 #[derive(Serialize, ToSchema)]
 struct PatchReport {
-    /// Side of the square of floor, in metres.
+    /// Side of the square patch, in metres.
     fov_m: f64,
     /// Pixels along each side.
     pixels: usize,
 }
 
-/// How doorcam is doing.
+/// The state of doorcam.
 #[derive(Serialize, ToSchema)]
 pub(super) struct StatusReport {
-    /// The watch.
+    /// The frame loop and its source.
     #[serde(flatten)]
     watch: Status,
     /// How events and occupancy are kept.
     history: HistoryReport,
-    /// Who is told of them.
+    /// How they are published to MQTT and webhooks.
     publish: PublishReport,
 }
 
-/// State, source, counts of frames, rates.
-#[utoipa::path(get, path = "/status", tag = STATE, responses((status = 200, description = "The state", body = StatusReport)))]
+/// State, source, frame counts and rates.
+#[utoipa::path(
+    get, path = "/status", tag = STATE,
+    responses((status = 200, description = "The state", body = StatusReport))
+)]
 pub(super) async fn status(State(shared): State<Shared>) -> Json<StatusReport> {
     let watch = shared.hub.status(shared.clients.load(Ordering::Relaxed));
     Json(StatusReport { watch, history: shared.history.report(), publish: shared.publishers.report() })
 }
 
-/// Doorway, room, patches and facets. 404 before there is a calibration.
+/// The doorway, the room, the patches and the facets. 404 without a calibration.
 #[utoipa::path(
     get, path = "/geometry", tag = ROOM,
-    responses((status = 200, description = "The geometry", body = Geometry), (status = 304, description = UNCHANGED), (status = 404, response = NotYet))
+    responses(
+        (status = 200, description = "The geometry", body = Geometry), (status = 304, description = UNCHANGED),
+        (status = 404, response = NotYet),
+    )
 )]
 pub(super) async fn geometry(State(shared): State<Shared>, asked: HeaderMap) -> Response {
     let Some(Watched { model, calibration }) = shared.hub.watched() else {
-        return Problem::not_found("the camera is not calibrated yet: see /api/v1/calibration").into_response();
+        return ProblemDetails::not_found("the camera is not calibrated yet: see /api/v1/calibration").into_response();
     };
     let geometry = Geometry {
         calibration,
@@ -96,7 +102,7 @@ pub(super) async fn geometry(State(shared): State<Shared>, asked: HeaderMap) -> 
     tag::json(&asked, &geometry)
 }
 
-/// The newest update: the same object that the live socket sends. 404 before the first.
+/// The newest update, the same object that the live socket sends. 404 before the first.
 #[utoipa::path(
     get, path = "/reconstruction", tag = ROOM,
     responses((status = 200, description = "The update", body = Update), (status = 404, response = NotYet))
@@ -104,12 +110,12 @@ pub(super) async fn geometry(State(shared): State<Shared>, asked: HeaderMap) -> 
 pub(super) async fn reconstruction(State(shared): State<Shared>) -> Response {
     match shared.hub.latest() {
         Some(latest) => ([(header::CONTENT_TYPE, "application/json")], latest.json.to_string()).into_response(),
-        None => Problem::not_found("there is no update yet").into_response(),
+        None => ProblemDetails::not_found("there is no update yet").into_response(),
     }
 }
 
-/// The newest update as a figure: the left and right views and the unified map, in the brightness that `scene.brightness`
-/// of the configuration says.
+/// The newest update as a figure: the left and right views and the unified map, at the brightness that
+/// `scene.brightness` sets.
 #[utoipa::path(
     get, path = "/reconstruction.png", tag = PICTURES,
     responses(
@@ -126,7 +132,7 @@ pub(super) async fn reconstruction_png(State(shared): State<Shared>, asked: Head
     .await
 }
 
-/// The difference of the two floor patches from the empty room, magnified in colour.
+/// The difference between the two floor patches and those of the empty room, with magnified colours.
 #[utoipa::path(
     get, path = "/difference.png", tag = PICTURES,
     responses(
@@ -139,7 +145,7 @@ pub(super) async fn difference_png(State(shared): State<Shared>, asked: HeaderMa
     picture(shared, &asked, |shared, latest| shared.pictures.difference(latest)).await
 }
 
-/// The two floor patches as they are measured, left and right.
+/// The two floor patches as measured, left and right.
 #[utoipa::path(
     get, path = "/patches.png", tag = PICTURES,
     responses(
@@ -152,68 +158,79 @@ pub(super) async fn patches_png(State(shared): State<Shared>, asked: HeaderMap) 
     picture(shared, &asked, |shared, latest| shared.pictures.patches(latest)).await
 }
 
-/// Draws the newest update on a thread that may take its time, unless the client has that picture already.
+/// Draws the newest update on a blocking thread, unless the client already has that picture.
 async fn picture(
     shared: Shared,
     asked: &HeaderMap,
     draw: impl FnOnce(&Shared, &Arc<Published>) -> Option<Result<Bytes, RenderError>> + Send + 'static,
 ) -> Response {
-    let none = || Problem::not_found("there is no map yet: the empty room is being learned").into_response();
+    let none = || ProblemDetails::not_found("there is no map yet: the empty room is being learned").into_response();
     let Some(latest) = shared.hub.latest() else { return none() };
     let tag = Tag::numbered(shared.run, latest.update.sequence);
     let drawn = match tag.is_known(asked) {
         true => Some(Ok(Bytes::new())),
         false => match tokio::task::spawn_blocking(move || draw(&shared, &latest)).await {
             Ok(drawn) => drawn,
-            Err(_) => return Problem::internal("drawing the picture failed").into_response(),
+            Err(_) => return ProblemDetails::internal("drawing the picture failed").into_response(),
         },
     };
     match drawn {
         Some(Ok(png)) => tag.answer(asked, || ([(header::CONTENT_TYPE, "image/png")], png)),
-        Some(Err(e)) => Problem::internal(&e.to_string()).into_response(),
+        Some(Err(e)) => ProblemDetails::internal(&e.to_string()).into_response(),
         None => none(),
     }
 }
 
-/// The configuration in use, defaults included and secrets left out.
-#[utoipa::path(get, path = "/config", tag = SETUP, responses((status = 200, description = "The configuration", body = Config), (status = 304, description = UNCHANGED)))]
+/// The configuration in use, including defaults but no secrets.
+#[utoipa::path(
+    get, path = "/config", tag = SETUP,
+    responses(
+        (status = 200, description = "The configuration", body = Config), (status = 304, description = UNCHANGED),
+    )
+)]
 pub(super) async fn config(State(shared): State<Shared>, asked: HeaderMap) -> Response {
-    // Nothing in it is secret: it names files with secrets, and a webhook's address is written without its path.
+    // Nothing in it is secret: it only names files with secrets, and a webhook's URL is serialised without its path.
     tag::json(&asked, &*shared.config.borrow())
 }
 
-/// Learns the empty room anew, from the next frame on.
+/// Learns the empty room again, from the next frame on.
 #[utoipa::path(
     post, path = "/background/reset", tag = SETUP,
-    responses((status = 202, description = "It will be"), (status = 409, response = Conflicting))
+    responses((status = 202, description = "Accepted"), (status = 409, response = Conflicting))
 )]
 pub(super) async fn reset_background(State(shared): State<Shared>) -> Response {
     if shared.control.tell(Command::ResetBackground) {
         return StatusCode::ACCEPTED.into_response();
     }
-    Problem::conflict("the source has ended: no frames will come to learn from").into_response()
+    ProblemDetails::conflict("the source has ended: no frames will come to learn from").into_response()
 }
 
-/// Whether updates are of now.
+/// Whether updates are fresh.
 #[utoipa::path(
     get, path = "/readyz", tag = STATE,
-    responses((status = 200, description = "They are", body = String), (status = 503, response = NotReady))
+    responses((status = 200, description = "Updates are fresh", body = String), (status = 503, response = NotReady))
 )]
 pub(super) async fn readyz(State(shared): State<Shared>) -> Response {
     if shared.hub.is_fresh() {
         return "ready\n".into_response();
     }
-    Problem::unavailable("no fresh update: see /api/v1/status").into_response()
+    ProblemDetails::unavailable("no fresh update: see /api/v1/status").into_response()
 }
 
 /// Whether the process answers at all.
-#[utoipa::path(get, path = "/livez", tag = STATE, responses((status = 200, description = "It does", body = String)))]
+#[utoipa::path(
+    get, path = "/livez", tag = STATE,
+    responses((status = 200, description = "The process answers", body = String))
+)]
 pub(super) async fn livez() -> &'static str {
     "alive\n"
 }
 
-/// Figures for Prometheus, in its text format.
-#[utoipa::path(get, path = "/metrics", tag = STATE, responses((status = 200, description = "The figures", body = String)))]
+/// Metrics in the text format of Prometheus.
+#[utoipa::path(
+    get, path = "/metrics", tag = STATE,
+    responses((status = 200, description = "The metrics", body = String))
+)]
 pub(super) async fn prometheus(State(shared): State<Shared>) -> Response {
     metrics::gauge!("doorcam_clients").set(shared.clients.load(Ordering::Relaxed) as f64);
     let kind = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];

@@ -3,15 +3,15 @@ use axum::http::{Method, header};
 use axum::response::{IntoResponse, Response};
 use rust_embed::Embed;
 
-use super::problem::Problem;
+use super::problem::ProblemDetails;
 use super::tag::Tag;
 
-/// The page: in the binary; in debug builds, from disk.
+/// The files of the page: in the binary, or on disk for debug builds.
 #[derive(Embed)]
 #[folder = "web/"]
 struct Web;
 
-/// The name of the file that a path asks for.
+/// The name of the file at a path.
 fn name(path: &str) -> &str {
     match path {
         "/" => "index.html",
@@ -20,23 +20,23 @@ fn name(path: &str) -> &str {
     }
 }
 
-/// Whether the page has a file of that path.
+/// Whether the page has a file at this path.
 pub(super) fn has(path: &str) -> bool {
     Web::get(name(path)).is_some()
 }
 
-/// The page's file of that path, or a problem.
+/// The page's file at the requested path, or a problem.
 pub(super) fn serve(request: &Request) -> Response {
     let path = request.uri().path();
     let name = name(path);
     let Some(file) = Web::get(name) else {
-        return Problem::not_found(&format!("there is nothing at {path}")).into_response();
+        return ProblemDetails::not_found(&format!("there is nothing at {path}")).into_response();
     };
     if !matches!(*request.method(), Method::GET | Method::HEAD) {
-        let problem = Problem::method_not_allowed(&format!("{} is not possible on {path}", request.method()));
+        let problem = ProblemDetails::method_not_allowed(&format!("{} is not possible on {path}", request.method()));
         return ([(header::ALLOW, "GET,HEAD")], problem).into_response();
     }
-    // The browser keeps files but asks each time whether they are still the ones: an update is seen at once.
+    // Browsers cache the files but revalidate them each time, so a new version of the page shows at once.
     let tag = Tag::of(&file.metadata.sha256_hash());
     tag.answer(request.headers(), || ([(header::CONTENT_TYPE, content_type(name))], file.data))
 }

@@ -6,25 +6,25 @@ use axum::http::{HeaderMap, HeaderName, header};
 use axum::response::{IntoResponse, Response};
 
 use super::Shared;
-use super::openapi::{Failed, NotYet, PICTURES, Picture, UNCHANGED};
-use super::problem::Problem;
+use super::answers::{Failed, NotYet, PICTURES, Picture, UNCHANGED};
+use super::problem::ProblemDetails;
 use super::tag::Tag;
-use crate::watch::Seen;
+use crate::watch::CapturedImages;
 use doorcam_source::RawImages;
 use doorcam_source::image::ImageError;
 use doorcam_source::image::{decode_sensor, encode_jpeg};
 
-/// Quality of JPEGs made of raw pixels: for people to look at and to mark points in.
+/// JPEG quality for frames of raw pixels, which people look at and mark points in.
 const QUALITY: u8 = 90;
 
-/// The last picture encoded, and the number of its frame. The lock is held while encoding, so that many who ask at once wait
-/// for one encoding.
+/// The last picture encoded, with the number of its frame. The lock is held while encoding, so that simultaneous
+/// requests share one encoding.
 pub(super) type Encoded = Mutex<Option<(u64, Bytes)>>;
 
 /// When the picture was captured, RFC 3339.
 const CAPTURED: HeaderName = HeaderName::from_static("x-captured");
 
-/// What the camera sees, the newest frame. 404 before the first, and for recordings of rectified patches.
+/// The newest frame as the camera sees it. 404 before the first, and for recordings of rectified patches.
 #[utoipa::path(
     get, path = "/frame.jpg", tag = PICTURES,
     responses(
@@ -38,7 +38,7 @@ const CAPTURED: HeaderName = HeaderName::from_static("x-captured");
 )]
 pub(super) async fn frame(State(shared): State<Shared>, asked: HeaderMap) -> Response {
     let Some(seen) = shared.hub.seen() else {
-        return Problem::not_found("there is no frame yet").into_response();
+        return ProblemDetails::not_found("there is no frame yet").into_response();
     };
     let tag = Tag::numbered(shared.run, seen.number);
     if tag.is_known(&asked) {
@@ -53,10 +53,12 @@ pub(super) async fn frame(State(shared): State<Shared>, asked: HeaderMap) -> Res
     }
 }
 
-/// A frame as a file and its type; encoded once, however many ask for it.
-pub(super) async fn picture(shared: &Shared, seen: &Seen) -> Result<(&'static str, Bytes), Problem> {
+/// The content type and file of a frame, which is encoded only once however many clients ask for it.
+pub(super) async fn picture(shared: &Shared, seen: &CapturedImages) -> Result<(&'static str, Bytes), ProblemDetails> {
     match &seen.images {
-        RawImages::Patches(_) => Err(Problem::not_found("this source gives rectified patches, not a camera's image")),
+        RawImages::Patches(_) => {
+            Err(ProblemDetails::not_found("this source gives rectified patches, not a camera's image"))
+        }
         RawImages::Camera(bytes) => {
             let kind = if bytes.starts_with(b"\x89PNG") { "image/png" } else { "image/jpeg" };
             Ok((kind, Bytes::from_owner(File(Arc::clone(bytes)))))
@@ -65,14 +67,14 @@ pub(super) async fn picture(shared: &Shared, seen: &Seen) -> Result<(&'static st
             let (cache, seen) = (Arc::clone(&shared.encoded), seen.clone());
             match tokio::task::spawn_blocking(move || encoded(&cache, &seen)).await {
                 Ok(Ok(bytes)) => Ok(("image/jpeg", bytes)),
-                Ok(Err(e)) => Err(Problem::internal(&e.to_string())),
-                Err(_) => Err(Problem::internal("encoding the picture failed")),
+                Ok(Err(e)) => Err(ProblemDetails::internal(&e.to_string())),
+                Err(_) => Err(ProblemDetails::internal("encoding the picture failed")),
             }
         }
     }
 }
 
-/// A frame's file, shared and not copied.
+/// A frame's file, shared without copying.
 struct File(Arc<Vec<u8>>);
 
 impl AsRef<[u8]> for File {
@@ -81,7 +83,7 @@ impl AsRef<[u8]> for File {
     }
 }
 
-fn encoded(cache: &Encoded, seen: &Seen) -> Result<Bytes, ImageError> {
+fn encoded(cache: &Encoded, seen: &CapturedImages) -> Result<Bytes, ImageError> {
     let mut cache = cache.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some((number, bytes)) = &*cache
         && *number == seen.number

@@ -1,4 +1,4 @@
-//! What happened, over REST: events and occupancy, in JSON or CSV, page by page.
+//! Events and occupancy over REST, in JSON or CSV, page by page.
 
 use axum::Json;
 use axum::extract::rejection::QueryRejection;
@@ -10,72 +10,73 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
 use super::Shared;
-use super::openapi::{Malformed, NotReady, PEOPLE};
-use super::problem::Problem;
+use super::answers::{Malformed, NotReady, PEOPLE};
+use super::problem::ProblemDetails;
 use crate::history::{EventPage, EventQuery, History, IntervalPage, IntervalQuery, SpanPage, SpanQuery, StoreError};
 use doorcam_core::tracking::EventKind;
 
-/// Rows that one request gets unless it says otherwise, and at most.
+/// Default number of events in a JSON answer.
 const ROWS: usize = 100;
+/// Most rows of a JSON answer.
 const MOST_ROWS: usize = 1000;
-/// The same of CSV, which is for spreadsheets.
+/// Default and largest number of rows in CSV, which is for spreadsheets.
 const MOST_CSV_ROWS: usize = 10_000;
-/// What occupancy is told of unless a request says otherwise.
+/// Default period of an occupancy request.
 const DAY: SignedDuration = SignedDuration::from_hours(24);
 /// The longest step, in seconds: a leap year.
 const LONGEST_STEP_S: f64 = 366.0 * 86_400.0;
 
-/// Which events somebody asks for.
+/// The query parameters of `/events`.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct WantedEvents {
-    /// Those that follow the event of this number; without it and `from`, the newest.
+    /// Only events with larger numbers than this. Without `after` and `from`, the newest events.
     after: Option<u64>,
-    /// Those that happened at or after this time, RFC 3339.
+    /// Only events at or after this time, RFC 3339.
     from: Option<Timestamp>,
-    /// Those that happened before this time.
+    /// Only events before this time.
     to: Option<Timestamp>,
-    /// Those of these kinds, with commas between: `enter`, `exit`, `dwell`, `zone_enter`, `zone_exit`.
+    /// Only events of these kinds, separated by commas: `enter`, `exit`, `dwell`, `zone_enter`, `zone_exit`.
     #[param(pattern = "^(enter|exit|dwell|zone_enter|zone_exit)(,(enter|exit|dwell|zone_enter|zone_exit))*$")]
     kind: Option<String>,
-    /// Those of this track.
+    /// Only events of this track.
     track: Option<u64>,
-    /// Those of this zone.
+    /// Only events of this zone.
     zone: Option<String>,
-    /// So many at most: 100 unless told otherwise, up to 1000; of CSV 10,000.
+    /// At most this many: by default 100, up to 1000; in CSV, by default and up to 10,000.
     #[param(minimum = 1, maximum = 10_000)]
     limit: Option<usize>,
-    /// JSON or CSV; without it, what `Accept` names.
+    /// JSON or CSV; by default, what `Accept` names.
     #[param(inline)]
     format: Option<Format>,
 }
 
-/// What of the occupancy somebody asks for.
+/// The query parameters of `/occupancy`.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct WantedOccupancy {
-    /// Those that follow the span of this number; not with `step`.
+    /// Only spans with larger numbers than this; not with `step`.
     after: Option<u64>,
-    /// Since this time, RFC 3339; a day before `to` unless told otherwise.
+    /// From this time on, RFC 3339; by default a day before `to`.
     from: Option<Timestamp>,
-    /// Until this time; now unless told otherwise.
+    /// Until this time; by default now.
     to: Option<Timestamp>,
-    /// Length of the intervals to sum up, in seconds; without it, spans come as they are.
+    /// Length of the intervals to sum up over, in seconds. Without it, the answer has the spans as they are.
     #[param(minimum = 1.0, maximum = 31_622_400.0)]
     step: Option<f64>,
-    /// Of this zone; without it, of the room.
+    /// Of this zone; without it, of the whole room.
     zone: Option<String>,
-    /// So many at most: 1000 unless told otherwise; of CSV 10,000.
+    /// At most this many: by default and up to 1000; in CSV, 10,000.
     #[param(minimum = 1, maximum = 10_000)]
     limit: Option<usize>,
-    /// JSON or CSV; without it, what `Accept` names.
+    /// JSON or CSV; by default, what `Accept` names.
     #[param(inline)]
     format: Option<Format>,
 }
 
-/// How rows are written.
+/// The format of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 enum Format {
@@ -85,13 +86,17 @@ enum Format {
 
 /// Who came, went and stayed.
 ///
-/// With `after` or `from`, the first of those asked for; otherwise the newest. `oldest` and `newest` number the first and last
-/// event that are kept: who asked after a number below `oldest` - 1 has missed some. Where there are more, `next` is the `after` of the
-/// next page, and the header `Link` its address.
+/// With `after` or `from`, the answer has the first events that match; otherwise the newest ones. `oldest` and `newest`
+/// are the numbers of the first and last event kept: a client that asked for events after a number below `oldest` - 1
+/// has missed some. If there are more events, `next` is the `after` of the next page, and the header `Link` has its
+/// address.
 #[utoipa::path(
     get, path = "/events", tag = PEOPLE, params(WantedEvents),
     responses(
-        (status = 200, description = "The events", content((EventPage = "application/json"), (String = "text/csv; charset=utf-8; header=present"))),
+        (
+            status = 200, description = "The events",
+            content((EventPage = "application/json"), (String = "text/csv; charset=utf-8; header=present")),
+        ),
         (status = 400, response = Malformed), (status = 503, response = NotReady),
     )
 )]
@@ -129,12 +134,15 @@ pub(super) async fn events(
 
 /// How many people were there, over time.
 ///
-/// Without `step`, spans in which the number stayed the same; what no span covers was not watched. With `step`, intervals of that
-/// length, each with the time that was watched.
+/// Without `step`, the answer has spans in which the number stayed the same; times that no span covers were not
+/// watched. With `step`, it has intervals of that length, each with the time that was watched.
 #[utoipa::path(
     get, path = "/occupancy", tag = PEOPLE, params(WantedOccupancy),
     responses(
-        (status = 200, description = "The spans or intervals", content((OccupancyPage = "application/json"), (String = "text/csv; charset=utf-8; header=present"))),
+        (
+            status = 200, description = "The spans or intervals",
+            content((OccupancyPage = "application/json"), (String = "text/csv; charset=utf-8; header=present")),
+        ),
         (status = 400, response = Malformed), (status = 503, response = NotReady),
     )
 )]
@@ -151,7 +159,7 @@ pub(super) async fn occupancy(
         let to = wanted.to.unwrap_or_else(Timestamp::now);
         let from = wanted.from.unwrap_or_else(|| to.checked_sub(DAY).unwrap_or(Timestamp::MIN));
         if from >= to {
-            return Err(format!("from is {from} and to is {to}, expected a time before the other"));
+            return Err(format!("from is {from} and to is {to}, expected from to be before to"));
         }
         Ok((wanted, from, to, limit, format))
     });
@@ -192,7 +200,7 @@ pub(super) async fn occupancy(
     }
 }
 
-/// What is told of the occupancy: one or the other.
+/// Spans without `step`, intervals with it.
 #[derive(ToSchema)]
 #[serde(untagged)]
 #[expect(dead_code, reason = "only its description matters")]
@@ -201,23 +209,25 @@ enum OccupancyPage {
     Intervals(IntervalPage),
 }
 
-/// Asks on a thread that may wait for the disk.
+/// Runs a query on a blocking thread, because it may wait for the disk.
 async fn answer<T: Send + 'static>(
     shared: Shared,
     ask: impl FnOnce(&History) -> Result<T, StoreError> + Send + 'static,
-) -> Result<T, Problem> {
+) -> Result<T, ProblemDetails> {
     match tokio::task::spawn_blocking(move || ask(&shared.history)).await {
-        Ok(answer) => answer.map_err(|e| Problem::unavailable(&e.to_string())),
-        Err(_) => Err(Problem::internal("reading the history failed on an internal error")),
+        Ok(answer) => answer.map_err(|e| ProblemDetails::unavailable(&e.to_string())),
+        Err(_) => Err(ProblemDetails::internal("reading the history failed on an internal error")),
     }
 }
 
 fn refused(why: &str, parameters: &str) -> Response {
-    Problem::bad_request(&format!("{why} (parameters: {parameters}; times as RFC 3339 has them, + written %2B)"))
-        .into_response()
+    ProblemDetails::bad_request(&format!(
+        "{why} (parameters: {parameters}; times as in RFC 3339, with + written as %2B)"
+    ))
+    .into_response()
 }
 
-/// What was asked for by name, or else what the client accepts.
+/// The format that the request names, or else the one that the client accepts.
 fn format(named: Option<Format>, headers: &HeaderMap) -> Format {
     let accepts = headers.get(header::ACCEPT).and_then(|accept| accept.to_str().ok()).unwrap_or_default();
     let csv = accepts.split(',').any(|kind| kind.split(';').next().is_some_and(|kind| kind.trim() == "text/csv"));
@@ -230,25 +240,25 @@ fn rows(limit: Option<usize>, usual: usize, format: Format) -> Result<usize, Str
     if (1..=most).contains(&limit) { Ok(limit) } else { Err(format!("limit is {limit}, expected 1 to {most}")) }
 }
 
-/// Whether these can be numbers of something.
+/// Checks that numbers of events, spans or tracks fit SQLite's integers.
 fn numbers(given: [Option<u64>; 2]) -> Result<(), String> {
     match given.into_iter().flatten().find(|&number| i64::try_from(number).is_err()) {
-        Some(number) => Err(format!("{number} is no number of anything, expected at most {}", i64::MAX)),
+        Some(number) => Err(format!("{number} is too large, expected at most {}", i64::MAX)),
         None => Ok(()),
     }
 }
 
-/// `enter,exit`
+/// Parses a list such as `enter,exit`.
 fn kinds(names: Option<&str>) -> Result<Vec<EventKind>, String> {
     let kind = |name: &str| {
         let all = EventKind::ALL.map(EventKind::name).join(", ");
         let known = EventKind::ALL.into_iter().find(|kind| kind.name() == name);
-        known.ok_or_else(|| format!("kind is \"{name}\", expected some of {all}, with commas between"))
+        known.ok_or_else(|| format!("kind is \"{name}\", expected some of {all}, separated by commas"))
     };
     names.into_iter().flat_map(|names| names.split(',')).map(kind).collect()
 }
 
-/// An answer that says where the next page is (RFC 8288).
+/// Adds a link to the next page, if there is one (RFC 8288).
 fn paged(uri: &Uri, next: Option<(&str, String)>, page: impl IntoResponse) -> Response {
     let mut response = page.into_response();
     if let Some((name, value)) = next {
@@ -257,7 +267,7 @@ fn paged(uri: &Uri, next: Option<(&str, String)>, page: impl IntoResponse) -> Re
             !pair.is_empty() && key != Some(name)
         });
         let query: String = others.map(|pair| format!("{pair}&")).collect();
-        // Of the address, the routes in which this one is nested left only the end.
+        // Nesting has stripped the prefix from the path.
         let link = format!("</api/v1{}?{query}{name}={value}>; rel=\"next\"", uri.path());
         if let Ok(link) = HeaderValue::from_str(&link) {
             response.headers_mut().insert(header::LINK, link);
@@ -266,7 +276,7 @@ fn paged(uri: &Uri, next: Option<(&str, String)>, page: impl IntoResponse) -> Re
     response
 }
 
-/// Rows under their columns' names, as RFC 4180 has them.
+/// Rows after a header row with the names of the columns (RFC 4180).
 struct Csv(Result<Vec<u8>, String>);
 
 impl Csv {
@@ -286,7 +296,7 @@ impl IntoResponse for Csv {
     fn into_response(self) -> Response {
         match self.0 {
             Ok(text) => ([(header::CONTENT_TYPE, "text/csv; charset=utf-8; header=present")], text).into_response(),
-            Err(e) => Problem::internal(&e).into_response(),
+            Err(e) => ProblemDetails::internal(&e).into_response(),
         }
     }
 }

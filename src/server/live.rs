@@ -12,23 +12,23 @@ use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 use utoipa::ToSchema;
 
-use super::openapi::{NoSocket, ROOM};
-use super::problem::Problem;
+use super::answers::{NoSocket, ROOM};
+use super::problem::ProblemDetails;
 use super::{FAREWELL, Shared};
 use doorcam_engine::Update;
 
-/// A client that takes no bytes for this long is gone.
+/// A client that takes no bytes for this long is disconnected.
 const SEND_LIMIT: Duration = Duration::from_secs(10);
-/// How often a client is asked whether it is there.
+/// How often a client is pinged.
 const PING: Duration = Duration::from_secs(15);
-/// Clients have nothing to say but pongs.
+/// Longest message from a client, in bytes: clients need to send nothing but pongs.
 const LONGEST_MESSAGE: usize = 4096;
 
-/// The live socket (WebSocket): each text message is an update, the newest one.
+/// The live socket (WebSocket): each text message is the newest update.
 ///
-/// Who reads slowly misses the ones between; the first update after them has one key more, `missed`: how many. The schema of
-/// the messages: `/api/v1/live.schema.json`. Nothing is expected from the client but what the protocol asks for (pongs). When
-/// doorcam ends, it closes sockets with code 1001.
+/// A client that reads slowly misses the updates in between; the next update has an extra key, `missed`, with their
+/// number. The schema of the messages is at `/api/v1/live.schema.json`. The client need send nothing but the pongs that
+/// the protocol demands. When doorcam ends, it closes sockets with code 1001.
 #[utoipa::path(
     get, path = "/live", tag = ROOM,
     responses(
@@ -43,7 +43,7 @@ pub(super) async fn live(
     let upgrade = match upgrade {
         Ok(upgrade) => upgrade,
         Err(rejection) => {
-            let problem = Problem::upgrade_required(&format!("this is a WebSocket: {}", rejection.body_text()));
+            let problem = ProblemDetails::upgrade_required(&format!("this is a WebSocket: {}", rejection.body_text()));
             return ([(header::UPGRADE, "websocket")], problem).into_response();
         }
     };
@@ -59,12 +59,12 @@ pub(super) struct LiveMessage {
     #[schema(inline = false)]
     #[serde(flatten)]
     update: Update,
-    /// How many updates this client missed right before this one; left out where that is none.
+    /// How many updates this client missed right before this one; left out if none.
     #[schema(minimum = 1)]
     missed: Option<u64>,
 }
 
-/// Counts a client for as long as it lives.
+/// Counts a client until it is dropped.
 struct Counted(Arc<AtomicUsize>);
 
 impl Counted {
@@ -108,7 +108,7 @@ async fn serve(mut socket: WebSocket, shared: Shared) {
             () = until(&mut ending) => {
                 let reason = Utf8Bytes::from_static("doorcam is shutting down");
                 let farewell = Message::Close(Some(CloseFrame { code: close_code::AWAY, reason }));
-                // It is over either way.
+                // The connection ends whether or not the client answers.
                 let _ = timeout(FAREWELL, part(&mut socket, farewell)).await;
                 return;
             }
@@ -119,8 +119,8 @@ async fn serve(mut socket: WebSocket, shared: Shared) {
     }
 }
 
-/// An update's text, serialised once for everybody. For a client that missed some before it, `missed` is put in front of its
-/// keys: every message is an update, for those who do not look at the key as well.
+/// The text of an update, which is serialised once for all clients. For a client that missed updates, `missed` is put
+/// before the other keys, so that the message is still an update to clients that ignore it.
 fn text(json: &str, missed: u64) -> Utf8Bytes {
     match json.strip_prefix('{') {
         Some(keys) if missed > 0 => format!("{{\"missed\":{missed},{keys}").into(),
@@ -128,8 +128,8 @@ fn text(json: &str, missed: u64) -> Utf8Bytes {
     }
 }
 
-/// Says farewell and waits until the client has left. A socket that is dropped with a pong of the client's still unread
-/// resets the connection, and the reset overtakes the farewell.
+/// Says farewell and waits until the client has disconnected. Dropping the socket while a pong is still unread would
+/// reset the connection, and the reset would overtake the farewell.
 async fn part(socket: &mut WebSocket, farewell: Message) -> Result<(), axum::Error> {
     socket.send(farewell).await?;
     while let Some(received) = socket.recv().await {
@@ -138,7 +138,7 @@ async fn part(socket: &mut WebSocket, farewell: Message) -> Result<(), axum::Err
     Ok(())
 }
 
-/// Completes when the server ends, or is gone.
+/// Completes when the server ends or the sender is dropped.
 pub(super) async fn until(ending: &mut watch::Receiver<bool>) {
     let _ = ending.wait_for(|&e| e).await;
 }

@@ -1,6 +1,7 @@
-//! The page, the REST API and the live socket.
+//! The HTTP server: the page, the REST API and the live socket.
 
 mod access;
+mod answers;
 mod api;
 mod assets;
 mod calibration;
@@ -44,13 +45,13 @@ pub use self::access::{Access, AccessError};
 pub use self::connections::{Tls, TlsError};
 pub use self::openapi::{live_schema_json, openapi_json};
 use self::pictures::Pictures;
-use self::problem::Problem;
+use self::problem::ProblemDetails;
 use crate::config::{Config, ServerConfig};
 use crate::history::History;
 use crate::publish::Publishers;
 use crate::watch::{Calibrator, Control, Hub, Recordings, ZoneKeeper};
 
-/// Why the server is not there.
+/// Why the server cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum ServerError {
     /// The address cannot be listened on.
@@ -63,7 +64,7 @@ pub enum ServerError {
     },
 }
 
-/// What a server shows and steers.
+/// Everything that the server shows and controls.
 pub struct Backend {
     /// Updates and status.
     pub hub: Arc<Hub>,
@@ -71,21 +72,21 @@ pub struct Backend {
     pub control: Control,
     /// The calibration.
     pub calibrator: Arc<Calibrator>,
-    /// The configuration in use; it changes when it is read again.
+    /// The configuration in use; a reload changes it.
     pub config: watch::Receiver<Config>,
-    /// Recordings of what the source gives.
+    /// Recordings of the source.
     pub recordings: Arc<Recordings>,
     /// The zones.
     pub zones: Arc<ZoneKeeper>,
     /// Events and occupancy.
     pub history: History,
-    /// Whoever is told of them.
+    /// The MQTT broker and the webhooks that are told of them.
     pub publishers: Publishers,
-    /// The recorder of `/metrics`; none for none.
+    /// Renders `/metrics`; without it the answer is empty.
     pub metrics: Option<PrometheusHandle>,
 }
 
-/// What every request can see.
+/// The state that all handlers share.
 #[derive(Clone)]
 struct Shared {
     hub: Arc<Hub>,
@@ -102,9 +103,9 @@ struct Shared {
     uncertain: Arc<uncertainty::Mapped>,
     clients: Arc<AtomicUsize>,
     access: Arc<Access>,
-    /// Another number in each run: what is counted in one is not to be taken for what is counted in the next.
+    /// Differs from run to run, so that an ETag made from a counter never matches one of an earlier run.
     run: u64,
-    /// Turns true when the server ends: open sockets would hold it up for ever.
+    /// Turns true when the server ends, so that open sockets close; otherwise they would keep it running for ever.
     ending: watch::Receiver<bool>,
 }
 
@@ -114,7 +115,7 @@ impl FromRef<Shared> for Arc<Access> {
     }
 }
 
-/// A bound address, not yet served.
+/// A server that is bound to its address but does not serve yet.
 pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
@@ -123,11 +124,15 @@ pub struct Server {
     tls: Option<Arc<Tls>>,
 }
 
-/// How long clients are given to leave when the server ends.
+/// How long clients get to disconnect when the server ends.
 const FAREWELL: Duration = Duration::from_millis(1500);
 
 impl Server {
-    /// Binds the configured address, under these rules of access and with TLS, if any; port 0 takes a free one.
+    /// Binds the configured address; port 0 takes a free port. Without `tls` it serves plain HTTP.
+    ///
+    /// # Errors
+    ///
+    /// If the address cannot be bound.
     pub async fn bind(config: &ServerConfig, access: Access, tls: Option<Tls>) -> Result<Self, ServerError> {
         let address = config.listen;
         let failed = |e: std::io::Error| ServerError::Listen {
@@ -145,17 +150,17 @@ impl Server {
         Ok(Self { listener, address, config: config.clone(), access, tls: tls.map(Arc::new) })
     }
 
-    /// Where it listens, as browsers write it.
+    /// The address that it listens on, as a URL.
     pub fn url(&self) -> String {
         format!("{}://{}", if self.tls.is_some() { "https" } else { "http" }, self.address)
     }
 
-    /// Who may see and change what.
+    /// The access rules, whose tokens a reload can replace.
     pub fn access(&self) -> Arc<Access> {
         Arc::clone(&self.access)
     }
 
-    /// Serves until `end` completes, then tells clients and gives them a moment to leave.
+    /// Serves until `end` completes, then tells the clients and gives them a moment to disconnect.
     pub async fn serve(self, backend: Backend, end: impl Future<Output = ()>) {
         let Backend { hub, control, calibrator, config, recordings, zones, history, publishers, metrics } = backend;
         let (tell, ending) = watch::channel(false);
@@ -182,12 +187,13 @@ impl Server {
             () = end => {}
         }
         tell.send_replace(true);
-        // Each connection holds a receiver, and so does each live socket that one has become. Who does not leave is cut off.
+        // Each connection holds a receiver of `ending`, and so does each live socket, so this waits until all are
+        // closed. Those still open at the timeout are cut off.
         let _ = timeout(FAREWELL, tell.closed()).await;
     }
 }
 
-/// Every route and what is said about it: none is served that is not described.
+/// Every route of the API with its description; no route is served without one.
 fn described() -> OpenApiRouter<Shared> {
     let v1 = OpenApiRouter::new()
         .routes(routes!(api::status))
@@ -226,13 +232,13 @@ fn routes(shared: Shared, access: Arc<Access>) -> Router {
     let all = Router::from(described())
         .fallback(not_found_or_asset)
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
-            Problem::method_not_allowed(&format!("{method} is not possible on {}", uri.path()))
+            ProblemDetails::method_not_allowed(&format!("{method} is not possible on {}", uri.path()))
         })
         .layer(CatchPanicLayer::custom(|_| {
             // The panic itself is in the log.
-            Problem::internal("doorcam failed on an internal error").into_response()
+            ProblemDetails::internal("doorcam failed on an internal error").into_response()
         }))
-        // The page and JSON; pictures are compressed already, and left alone.
+        // For the page and JSON: images and the multipart stream are compressed already.
         .layer(CompressionLayer::new().compress_when(DefaultPredicate::new().and(NotForContentType::new("multipart/"))))
         .with_state(shared);
     access::layers(all, access)

@@ -7,52 +7,52 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::Shared;
-use super::openapi::{PEOPLE, Unknown};
-use super::problem::Problem;
+use super::answers::{PEOPLE, Unknown};
+use super::problem::ProblemDetails;
 use crate::watch::{Hub, TrackHistory, ZoneOrigin};
 use doorcam_core::geometry::Point;
 use doorcam_core::schema;
 use doorcam_core::tracking::{Track, Zone};
 
-/// Who is where.
+/// The people in the room.
 #[derive(Serialize, ToSchema)]
 struct Tracks {
-    /// Number of the update that they are of; null before the first.
+    /// Number of the update; null before the first.
     #[schema(required)]
     sequence: Option<u64>,
-    /// Time of its capture, RFC 3339.
+    /// When its frame was captured, RFC 3339.
     #[schema(required)]
     time: Option<Timestamp>,
     /// Whether the map can be trusted.
     state: doorcam_engine::State,
-    /// Everybody who is followed.
+    /// Everybody who is being tracked.
     tracks: Vec<Placed>,
 }
 
-/// A track and where it is.
+/// A track and the zones it is in.
 #[derive(Serialize, ToSchema)]
 struct Placed {
-    /// As in an update.
+    /// The track, as in an update.
     #[serde(flatten)]
     track: Track,
     /// Names of the zones that it is in.
     zones: Vec<String>,
 }
 
-/// The configured zones and who is in them.
+/// The zones in use and who is in them.
 #[derive(Serialize, ToSchema)]
 pub(super) struct Zones {
-    /// Number of the update that they are of; null before the first.
+    /// Number of the update; null before the first.
     #[schema(required)]
     sequence: Option<u64>,
-    /// Time of its capture, RFC 3339.
+    /// When its frame was captured, RFC 3339.
     #[schema(required)]
     time: Option<Timestamp>,
     /// Whether the map can be trusted.
     state: doorcam_engine::State,
-    /// Where they come from.
+    /// Where the zones come from.
     origin: ZoneOrigin,
-    /// Each zone.
+    /// The zones.
     zones: Vec<Occupied>,
 }
 
@@ -66,36 +66,42 @@ struct Occupied {
     polygon_m: Vec<Point>,
     /// How many people are in it.
     people: usize,
-    /// Ids of their tracks.
+    /// The ids of their tracks.
     tracks: Vec<u64>,
 }
 
-/// Who is where.
-#[utoipa::path(get, path = "/tracks", tag = PEOPLE, responses((status = 200, description = "The tracks", body = Tracks)))]
+/// The people in the room and the zones they are in.
+#[utoipa::path(
+    get, path = "/tracks", tag = PEOPLE,
+    responses((status = 200, description = "The tracks", body = Tracks))
+)]
 pub(super) async fn tracks(State(shared): State<Shared>) -> Response {
     Json(current(&shared.hub)).into_response()
 }
 
-/// One of them, also for some time after it has ended, with its path and events.
+/// One track with its path and events, also for some time after it has ended.
 ///
-/// 404 for a track that never was, or whose path is all older than `tracker.history_s` seconds.
+/// 404 for a track that never existed, or whose whole path is older than `tracker.history_s` seconds.
 #[utoipa::path(
     get, path = "/tracks/{id}", tag = PEOPLE, params(("id" = u64, Path, description = "The track's id")),
     responses((status = 200, description = "The track", body = TrackHistory), (status = 404, response = Unknown))
 )]
 pub(super) async fn track(State(shared): State<Shared>, id: Result<Path<u64>, PathRejection>) -> Response {
-    let unknown = |id: &str| Problem::not_found(&format!("there is no track {id}, or it ended too long ago"));
+    let unknown = |id: &str| ProblemDetails::not_found(&format!("there is no track {id}, or it ended too long ago"));
     match id {
         Ok(Path(id)) => match shared.hub.track(id) {
             Some(history) => Json(history).into_response(),
             None => unknown(&id.to_string()).into_response(),
         },
-        Err(_) => Problem::not_found("a track's id is a whole number").into_response(),
+        Err(_) => ProblemDetails::not_found("a track's id is a whole number").into_response(),
     }
 }
 
-/// The configured zones and who is in them.
-#[utoipa::path(get, path = "/zones", tag = PEOPLE, responses((status = 200, description = "The zones", body = Zones)))]
+/// The zones in use and who is in them.
+#[utoipa::path(
+    get, path = "/zones", tag = PEOPLE,
+    responses((status = 200, description = "The zones", body = Zones))
+)]
 pub(super) async fn zones(State(shared): State<Shared>) -> Response {
     Json(occupied(&shared.hub, shared.zones.origin())).into_response()
 }

@@ -5,7 +5,7 @@ use axum::body::Bytes;
 use doorcam_engine::figures::{self, ReconstructionPicture};
 use doorcam_engine::{Model, Published};
 
-/// Pictures of the newest update, drawn when first asked for.
+/// Pictures of the newest update, drawn at the first request.
 #[derive(Default)]
 pub(super) struct Pictures {
     reconstruction: Drawn,
@@ -13,17 +13,17 @@ pub(super) struct Pictures {
     patches: Drawn,
 }
 
-/// The last picture drawn and the update that it is of. The lock is held while drawing, so that many who ask at once wait
-/// for one drawing.
+/// The last picture drawn, with the number of its update. The lock is held while drawing, so that simultaneous requests
+/// share one drawing.
 type Drawn = Mutex<Option<(u64, Bytes)>>;
 
 /// Width of the figure, in pixels.
 const WIDTH: u32 = 1600;
-/// Side of a patch pixel, in pixels.
+/// Side of a patch pixel, in pixels of the picture.
 const PATCH_PIXEL: u32 = 4;
 
 impl Pictures {
-    /// The figure of an update; none while there is no map.
+    /// The figure of an update; `None` without a map.
     pub(super) fn reconstruction(
         &self,
         model: &Model,
@@ -39,7 +39,7 @@ impl Pictures {
         }))
     }
 
-    /// The magnified difference patches of an update; none while there is no background.
+    /// The difference of an update, with magnified colours; `None` without a background.
     pub(super) fn difference(&self, of: &Arc<Published>) -> Option<Result<Bytes, figures::RenderError>> {
         let difference = of.difference.as_ref()?;
         Some(drawn(&self.difference, of, || figures::difference_png(difference, PATCH_PIXEL)))

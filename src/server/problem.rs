@@ -6,10 +6,11 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use utoipa::ToSchema;
 
-/// An error as RFC 9457 has it (application/problem+json).
+/// An error in the form of RFC 9457 (application/problem+json).
 #[derive(Debug, Serialize, ToSchema)]
-pub(super) struct Problem {
-    /// What kind of error.
+#[schema(as = Problem)]
+pub(super) struct ProblemDetails {
+    /// The kind of error.
     title: &'static str,
     /// The status code.
     status: u16,
@@ -17,15 +18,15 @@ pub(super) struct Problem {
     detail: String,
 }
 
-impl Problem {
+impl ProblemDetails {
     pub(super) fn new(status: StatusCode, detail: &str) -> Self {
         Self { title: status.canonical_reason().unwrap_or("Error"), status: status.as_u16(), detail: detail.into() }
     }
 
-    /// A request's JSON body, or what is wrong with it: the key and what was expected.
+    /// Parses the JSON body of a request. The problem names the key and what was expected.
     pub(super) fn body<T: DeserializeOwned>(body: Result<Bytes, BytesRejection>) -> Result<T, Self> {
         let body = body?;
-        // A list of the values would do, too, if nobody asked.
+        // serde would also accept a list of the values.
         if !body.trim_ascii_start().starts_with(b"{") {
             return Err(Self::bad_request("expected a JSON object"));
         }
@@ -69,13 +70,13 @@ impl Problem {
     }
 }
 
-impl From<BytesRejection> for Problem {
+impl From<BytesRejection> for ProblemDetails {
     fn from(rejection: BytesRejection) -> Self {
         Self::new(rejection.status(), &rejection.body_text())
     }
 }
 
-impl IntoResponse for Problem {
+impl IntoResponse for ProblemDetails {
     fn into_response(self) -> Response {
         let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
         let body = serde_json::to_string(&self).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Recordings, over REST: how the one under way is doing, its beginning and its end.
+//! Recordings over REST: state, start and end.
 
 use axum::Json;
 use axum::body::Bytes;
@@ -8,32 +8,32 @@ use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 
 use super::Shared;
-use super::openapi::{Conflicting, Failed, Malformed, SETUP, TooLarge, Unfit, Unknown};
-use super::problem::Problem;
+use super::answers::{Conflicting, Failed, Malformed, SETUP, TooLarge, Unfit, Unknown};
+use super::problem::ProblemDetails;
 use crate::watch::{RecordingRefused, RecordingReport, RecordingWish};
 
-/// Whether something can be recorded, and how the recording under way is doing.
+/// Whether a recording can be started, and the state of the one under way.
 #[utoipa::path(
     get, path = "/recording", tag = SETUP,
-    responses((status = 200, description = "How it is", body = RecordingReport))
+    responses((status = 200, description = "The state", body = RecordingReport))
 )]
 pub(super) async fn get(State(shared): State<Shared>) -> Json<RecordingReport> {
     Json(report(&shared))
 }
 
-/// Begins to record what the source gives, into a directory of its own.
+/// Starts to record the source into a new directory.
 #[utoipa::path(
     post, path = "/recording", tag = SETUP, request_body = Option<RecordingWish>,
     responses(
-        (status = 201, description = "It has begun", body = RecordingReport),
-        (status = 400, response = Malformed), (status = 409, response = Conflicting), (status = 413, response = TooLarge),
-        (status = 422, response = Unfit), (status = 500, response = Failed),
+        (status = 201, description = "The recording has started", body = RecordingReport),
+        (status = 400, response = Malformed), (status = 409, response = Conflicting),
+        (status = 413, response = TooLarge), (status = 422, response = Unfit), (status = 500, response = Failed),
     )
 )]
 pub(super) async fn post(State(shared): State<Shared>, body: Result<Bytes, BytesRejection>) -> Response {
     let wish = match body {
         Ok(body) if matches!(body.trim_ascii(), b"" | b"null") => Ok(RecordingWish::default()),
-        body => Problem::body(body),
+        body => ProblemDetails::body(body),
     };
     match wish {
         Ok(wish) => {
@@ -46,11 +46,11 @@ pub(super) async fn post(State(shared): State<Shared>, body: Result<Bytes, Bytes
     }
 }
 
-/// Ends the recording: answers when all of it is on the disk.
+/// Ends the recording; answers once all of it is on the disk.
 #[utoipa::path(
     delete, path = "/recording", tag = SETUP,
     responses(
-        (status = 200, description = "It has ended", body = RecordingReport),
+        (status = 200, description = "The recording has ended", body = RecordingReport),
         (status = 404, response = Unknown), (status = 500, response = Failed),
     )
 )]
@@ -62,7 +62,7 @@ fn report(shared: &Shared) -> RecordingReport {
     shared.recordings.report(shared.calibrator.calibration().as_ref())
 }
 
-/// Disks take longer than a request's thread may be held.
+/// Makes a change on a blocking thread, because it may wait for the disk.
 async fn changed(
     shared: Shared,
     done: StatusCode,
@@ -72,18 +72,18 @@ async fn changed(
     match changing.await {
         Ok(Ok(report)) => (done, Json(report)).into_response(),
         Ok(Err(refused)) => problem(&refused).into_response(),
-        Err(_) => Problem::internal("the recording failed on an internal error").into_response(),
+        Err(_) => ProblemDetails::internal("the recording failed on an internal error").into_response(),
     }
 }
 
-fn problem(refused: &RecordingRefused) -> Problem {
+fn problem(refused: &RecordingRefused) -> ProblemDetails {
     use doorcam_source::recorder::RecordError;
 
     let kind = match refused {
-        RecordingRefused::Name(_) | RecordingRefused::Seconds(..) => Problem::unprocessable,
-        RecordingRefused::NotRecording => Problem::not_found,
-        RecordingRefused::Write(RecordError::Write { .. } | RecordError::Thread(_)) => Problem::internal,
-        _ => Problem::conflict,
+        RecordingRefused::Name(_) | RecordingRefused::Seconds(..) => ProblemDetails::unprocessable,
+        RecordingRefused::NotRecording => ProblemDetails::not_found,
+        RecordingRefused::Write(RecordError::Write { .. } | RecordError::Thread(_)) => ProblemDetails::internal,
+        _ => ProblemDetails::conflict,
     };
     kind(&refused.to_string())
 }

@@ -2,14 +2,14 @@ use std::io::{self, Read};
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-/// Longest file of a token or of a key.
+/// Longest file of a token or key, in bytes.
 const LONGEST: u64 = 64 * 1024;
 
-/// Permissions that nobody but the owner's group may have, and that one only to read.
+/// Mode bits that a secret's file must not have: write for the group, and any for others.
 const TOO_OPEN: u32 = 0o027;
 
-/// Reads a file that holds a secret. One that everybody can read, or others than its owner can write, is refused, as ssh does:
-/// a secret that leaks unnoticed is worse than a start that fails.
+/// Reads a file that holds a secret. Like ssh, it refuses a file that everybody can read or that others than its owner
+/// can write: a secret that leaks unnoticed is worse than a start that fails.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, String> {
     let file = path.display();
     let cannot = |e: io::Error| format!("{file}: cannot read it: {}", e.kind());

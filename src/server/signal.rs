@@ -4,38 +4,41 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::Shared;
-use super::openapi::ROOM;
+use super::answers::ROOM;
 use doorcam_core::light;
 
-/// How far the newest update's change stands out of the camera's noise.
+/// How far the change in the newest update stands out from the camera's noise.
 #[derive(Serialize, ToSchema)]
 pub(super) struct Signal {
-    /// The update that it is of; none before the first.
+    /// Number of the update; null before the first.
     #[schema(required)]
     sequence: Option<u64>,
     /// The left patch; null while the noise is not known.
     #[schema(required)]
     left: Option<Side>,
-    /// The right one.
+    /// The right patch, likewise.
     #[schema(required)]
     right: Option<Side>,
 }
 
-/// One patch.
+/// Signal and noise of one patch.
 #[derive(Serialize, ToSchema)]
 #[schema(as = PatchSignal)]
 struct Side {
-    /// Signal to noise per pixel and colour, in decibels; none if nothing but noise is there.
+    /// Signal to noise ratio per pixel and colour, in decibels; null if there is nothing but noise.
     #[schema(required)]
     snr_db: Option<f64>,
-    /// The change, as a share of the floor's light.
+    /// Root mean square of the change without the noise, as a share of the floor's light.
     change: f64,
-    /// The noise of one pixel, likewise.
+    /// Standard deviation of the noise of one pixel, as the same share.
     noise: f64,
 }
 
-/// How far the newest update's change stands out of the camera's noise.
-#[utoipa::path(get, path = "/signal", tag = ROOM, responses((status = 200, description = "The signal", body = Signal)))]
+/// How far the change in the newest update stands out from the camera's noise.
+#[utoipa::path(
+    get, path = "/signal", tag = ROOM,
+    responses((status = 200, description = "The signal", body = Signal))
+)]
 pub(super) async fn signal(State(shared): State<Shared>) -> Json<Signal> {
     let latest = shared.hub.latest();
     let known = latest.as_ref().and_then(|latest| Some((latest.difference.as_ref()?, latest.sensing.as_ref()?)));

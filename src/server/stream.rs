@@ -1,4 +1,4 @@
-//! The camera's images as they come, in one answer that never ends (multipart/x-mixed-replace, known as MJPEG).
+//! The camera's images as they come, in one endless answer (multipart/x-mixed-replace, known as MJPEG).
 
 use std::convert::Infallible;
 use std::time::Duration;
@@ -15,31 +15,35 @@ use tokio::time::{Instant, sleep_until};
 use utoipa::IntoParams;
 
 use super::Shared;
+use super::answers::{Malformed, NotYet, PICTURES, Picture};
 use super::frame::picture;
 use super::live::until;
-use super::openapi::{Malformed, NotYet, PICTURES, Picture};
-use super::problem::Problem;
-use crate::watch::Seen;
+use super::problem::ProblemDetails;
+use crate::watch::CapturedImages;
 use doorcam_source::RawImages;
 
-/// How often somebody wants a picture.
+/// The query parameters of `/stream.mjpg`.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct Pace {
-    /// Pictures a second at most; without it, all of them.
+    /// At most this many pictures a second; without it, all of them.
     #[param(minimum = 0.01, maximum = 240.0)]
     fps: Option<f64>,
 }
 
 /// What the camera sees, as a stream of pictures (`multipart/x-mixed-replace`).
 ///
-/// Each part has its `content-type`, `content-length` and `x-captured`. Each is the newest picture: who is slow misses the
-/// ones between. It ends with doorcam. 404 before the first frame, and for recordings of rectified patches.
+/// Each part has `content-type`, `content-length` and `x-captured`. Each is the newest picture; a slow client misses
+/// those in between. The stream ends when doorcam does. 404 before the first frame, and for recordings of rectified
+/// patches.
 #[utoipa::path(
     get, path = "/stream.mjpg", tag = PICTURES, params(Pace),
     responses(
-        (status = 200, description = "The stream", body = Picture, content_type = "multipart/x-mixed-replace; boundary=frame"),
+        (
+            status = 200, description = "The stream",
+            body = Picture, content_type = "multipart/x-mixed-replace; boundary=frame",
+        ),
         (status = 400, response = Malformed), (status = 404, response = NotYet),
     )
 )]
@@ -47,12 +51,16 @@ pub(super) async fn stream(State(shared): State<Shared>, pace: Result<Query<Pace
     let pause = match pace {
         Ok(Query(Pace { fps: None })) => Duration::ZERO,
         Ok(Query(Pace { fps: Some(fps) })) if (0.01..=240.0).contains(&fps) => Duration::from_secs_f64(1.0 / fps),
-        _ => return Problem::bad_request("expected fps=0.01 to 240 pictures a second, or nothing").into_response(),
+        _ => {
+            return ProblemDetails::bad_request("expected fps=0.01 to 240 pictures a second, or nothing")
+                .into_response();
+        }
     };
     match shared.hub.seen() {
-        None => return Problem::not_found("there is no frame yet").into_response(),
-        Some(Seen { images: RawImages::Patches(_), .. }) => {
-            return Problem::not_found("this source gives rectified patches, not a camera's image").into_response();
+        None => return ProblemDetails::not_found("there is no frame yet").into_response(),
+        Some(CapturedImages { images: RawImages::Patches(_), .. }) => {
+            return ProblemDetails::not_found("this source gives rectified patches, not a camera's image")
+                .into_response();
         }
         Some(_) => {}
     }
@@ -67,10 +75,10 @@ pub(super) async fn stream(State(shared): State<Shared>, pace: Result<Query<Pace
     (kind, Body::from_stream(body)).into_response()
 }
 
-/// The parts of one client's stream. The next one is made when the one before has been taken: nothing piles up.
+/// The parts of one client's stream. Each is made only after the previous one was taken, so nothing piles up.
 struct Parts {
     shared: Shared,
-    frames: watch::Receiver<Option<Seen>>,
+    frames: watch::Receiver<Option<CapturedImages>>,
     ending: watch::Receiver<bool>,
     pause: Duration,
     due: Instant,
@@ -78,7 +86,7 @@ struct Parts {
 }
 
 impl Parts {
-    /// The newest picture that was not sent yet; none at the end.
+    /// The newest picture not sent yet; `None` at the end.
     async fn next(&mut self) -> Option<Bytes> {
         loop {
             tokio::select! {
@@ -91,19 +99,19 @@ impl Parts {
             }
             let seen = self.frames.borrow_and_update().clone()?;
             self.due = Instant::now() + self.pause;
-            // A picture that cannot be made is left out, as a broken frame is.
+            // A picture that cannot be encoded is skipped, like a broken frame.
             if let Ok((kind, picture)) = picture(&self.shared, &seen).await {
                 return Some(self.part(kind, &picture, &seen));
             }
         }
     }
 
-    fn part(&mut self, kind: &str, picture: &[u8], seen: &Seen) -> Bytes {
+    fn part(&mut self, kind: &str, picture: &[u8], seen: &CapturedImages) -> Bytes {
         let begin = if self.begun { "" } else { "--frame\r\n" };
         self.begun = true;
         let (length, time) = (picture.len(), seen.time);
         let head = format!("{begin}Content-Type: {kind}\r\nContent-Length: {length}\r\nX-Captured: {time}\r\n\r\n");
-        // The boundary right behind the picture: browsers show a part when it has ended, not when it has come.
+        // The next boundary follows at once, because browsers show a part only when they have seen its end.
         [head.as_bytes(), picture, b"\r\n--frame\r\n"].concat().into()
     }
 }

@@ -4,27 +4,27 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 
-use super::problem::Problem;
+use super::problem::ProblemDetails;
 
-/// What tells one state of an answer from every other (RFC 9110: ETag). Who names it in If-None-Match has the answer already.
+/// Identifies one state of an answer (RFC 9110: ETag). A client that names it in If-None-Match has that answer already.
 pub(super) struct Tag(String);
 
 impl Tag {
-    /// Of what an answer consists of.
+    /// The tag of an answer with this content.
     pub(super) fn of(content: &[u8]) -> Self {
         let mut hasher = DefaultHasher::new();
         hasher.write(content);
         Self(format!("{:016x}", hasher.finish()))
     }
 
-    /// Of something that a run of the program counts.
+    /// The tag of an answer that a run of the program counts.
     pub(super) fn numbered(run: u64, number: u64) -> Self {
         Self(format!("{run:x}-{number}"))
     }
 
-    /// The answer, or 304 to who has it. It may be kept, but not be shown again without asking.
+    /// The answer, or 304 if the client has it. Clients may keep it but must revalidate it before each use.
     pub(super) fn answer<T: IntoResponse>(&self, asked: &HeaderMap, answer: impl FnOnce() -> T) -> Response {
-        // Weak: the same answer, compressed or not.
+        // Weak, because the tag does not depend on compression.
         let headers = [(header::ETAG, format!("W/\"{}\"", self.0)), (header::CACHE_CONTROL, "no-cache".into())];
         if self.is_known(asked) {
             return (StatusCode::NOT_MODIFIED, headers).into_response();
@@ -35,7 +35,7 @@ impl Tag {
     pub(super) fn is_known(&self, asked: &HeaderMap) -> bool {
         let lists = asked.get_all(header::IF_NONE_MATCH).iter().filter_map(|list| list.to_str().ok());
         let mut known = lists.flat_map(|list| list.split(',')).map(str::trim);
-        // A strong tag is as good here; none of these has a comma in it.
+        // A strong tag counts as well. Splitting at commas is safe, because no tag of ours has one.
         known.any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag).trim_matches('"') == self.0)
     }
 }
@@ -44,7 +44,7 @@ impl Tag {
 pub(super) fn json(asked: &HeaderMap, value: &impl Serialize) -> Response {
     match serde_json::to_vec(value) {
         Ok(body) => Tag::of(&body).answer(asked, || ([(header::CONTENT_TYPE, "application/json")], body)),
-        Err(e) => Problem::internal(&e.to_string()).into_response(),
+        Err(e) => ProblemDetails::internal(&e.to_string()).into_response(),
     }
 }
 

@@ -8,50 +8,50 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::Shared;
-use super::openapi::{Failed, NotYet, PEOPLE, UNCHANGED};
-use super::problem::Problem;
+use super::answers::{Failed, NotYet, PEOPLE, UNCHANGED};
+use super::problem::ProblemDetails;
 use super::tag::Tag;
 use doorcam_core::bound::{PersonSetup, RoomBound, UncertaintyMap};
 use doorcam_core::light::Sensing;
 use doorcam_engine::Model;
 
-/// Above this error, in metres, somebody counts as not observable: people would be mistaken for one another.
+/// Above this error, in metres, nobody counts as observable: people would be mistaken for one another.
 const THRESHOLD_M: f64 = 0.5;
 
-/// The least error of a person's place, over the room.
+/// The least possible error of a person's position, over the room.
 #[derive(Serialize, ToSchema)]
 struct Uncertainty {
-    /// Which calibration it is of.
+    /// Number of the calibration that the map belongs to.
     calibration: u32,
     /// Above this error, in metres, nobody is observable.
     threshold_m: f64,
-    /// Whom it is for.
+    /// The person that the map assumes.
     person: Person,
     /// The map.
     #[serde(flatten)]
     map: UncertaintyMap,
 }
 
-/// Whom the map is for.
+/// The person that an uncertainty map assumes.
 #[derive(Serialize, ToSchema)]
 struct Person {
     /// Radius, in metres.
     radius_m: f64,
     /// Height, in metres.
     height_m: f64,
-    /// Their radiance against the room's.
+    /// How much brighter they are than the room behind them, as a share of that; negative is darker.
     contrast: f64,
     /// Share of the floor's light that comes from the visible side.
     visible_share: f64,
 }
 
-/// The last map and what it is of: it changes with the background and the noise, not with each frame. The lock is held while one
-/// is made, so that many who ask at once wait for one.
+/// The last map and what it was made from, which changes with the background and the noise, not with each frame. The
+/// lock is held while a map is made, so that simultaneous requests share one.
 pub(super) type Mapped = Mutex<Option<(Arc<Sensing>, Bytes)>>;
 
-/// How exactly one frame can locate a person at all, over the room, by the noise that is measured now: the Cramér-Rao bound.
+/// How precisely one frame can locate a person at best, over the room: the Cramér-Rao bound for the noise measured now.
 ///
-/// 404 while the empty room is being learned, and with the published model. It changes with the background only.
+/// 404 while the empty room is being learned, and with the published model. The map changes only with the background.
 #[utoipa::path(
     get, path = "/uncertainty", tag = PEOPLE,
     responses(
@@ -76,11 +76,11 @@ pub(super) async fn uncertainty(State(shared): State<Shared>, asked: HeaderMap) 
         Ok(Some(json)) => {
             Tag::of(&json).answer(&asked, || ([(header::CONTENT_TYPE, "application/json")], json.clone()))
         }
-        Ok(None) => Problem::not_found(
+        Ok(None) => ProblemDetails::not_found(
             "the camera's noise is not known: the empty room is being learned, or the model is the published one",
         )
         .into_response(),
-        Err(_) => Problem::internal("working out the map failed").into_response(),
+        Err(_) => ProblemDetails::internal("working out the map failed").into_response(),
     }
 }
 
@@ -89,6 +89,6 @@ fn map(model: &Model, calibration: u32, sensing: &Sensing) -> String {
     let PersonSetup { height_m, contrast, visible_share, .. } = PersonSetup::USUAL;
     let person = Person { radius_m: model.body_radius_m, height_m, contrast, visible_share };
     let uncertainty = Uncertainty { calibration, threshold_m: THRESHOLD_M, person, map: bound.map(&model.grid.room) };
-    // It has no map with keys other than strings, the one thing that serialisation refuses.
+    // Serialisation cannot fail, because all keys are strings.
     serde_json::to_string(&uncertainty).unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! Zones that somebody draws, over REST.
+//! Drawing zones over REST.
 
 use axum::body::Bytes;
 use axum::extract::State;
@@ -7,22 +7,22 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use utoipa::ToSchema;
 
-use super::openapi::{Failed, Malformed, PEOPLE, TooLarge, Unfit};
+use super::answers::{Failed, Malformed, PEOPLE, TooLarge, Unfit};
 use super::people::Zones;
-use super::problem::Problem;
+use super::problem::ProblemDetails;
 use super::{Shared, people};
 use crate::watch::{ZoneKeeper, ZonesRefused};
 use doorcam_core::tracking::Zone;
 
-/// Zones that somebody draws.
+/// Zones that a user has drawn.
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Drawn {
-    /// All of them.
+    /// All zones.
     zones: Vec<Zone>,
 }
 
-/// Uses other zones from the next frame on, all of them at once, and keeps them.
+/// Replaces all zones from the next frame on, and keeps the new ones.
 #[utoipa::path(
     put, path = "/zones", tag = PEOPLE, request_body = Drawn,
     responses(
@@ -32,13 +32,13 @@ pub(super) struct Drawn {
     )
 )]
 pub(super) async fn put(State(shared): State<Shared>, body: Result<Bytes, BytesRejection>) -> Response {
-    match Problem::body::<Drawn>(body) {
+    match ProblemDetails::body::<Drawn>(body) {
         Ok(Drawn { zones }) => changed(shared, move |keeper| keeper.replace(zones)).await,
         Err(problem) => problem.into_response(),
     }
 }
 
-/// Goes back to the zones of the configuration.
+/// Goes back to the configured zones.
 #[utoipa::path(
     delete, path = "/zones", tag = PEOPLE,
     responses((status = 200, description = "The zones", body = Zones), (status = 500, response = Failed))
@@ -47,7 +47,7 @@ pub(super) async fn delete(State(shared): State<Shared>) -> Response {
     changed(shared, ZoneKeeper::forget).await
 }
 
-/// Answers as GET does.
+/// Makes a change and answers like GET.
 async fn changed(
     shared: Shared,
     change: impl FnOnce(&ZoneKeeper) -> Result<(), ZonesRefused> + Send + 'static,
@@ -55,8 +55,8 @@ async fn changed(
     let keeper = shared.zones.clone();
     match tokio::task::spawn_blocking(move || change(&keeper)).await {
         Ok(Ok(())) => people::zones(State(shared)).await,
-        Ok(Err(e @ ZonesRefused::Unfit(_))) => Problem::unprocessable(&e.to_string()).into_response(),
-        Ok(Err(e)) => Problem::internal(&e.to_string()).into_response(),
-        Err(_) => Problem::internal("the zones failed on an internal error").into_response(),
+        Ok(Err(e @ ZonesRefused::Unfit(_))) => ProblemDetails::unprocessable(&e.to_string()).into_response(),
+        Ok(Err(e)) => ProblemDetails::internal(&e.to_string()).into_response(),
+        Err(_) => ProblemDetails::internal("the zones failed on an internal error").into_response(),
     }
 }

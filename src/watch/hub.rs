@@ -21,7 +21,7 @@ use doorcam_source::{Condition, Granted, RawFrame, RawImages, SourceState};
 
 /// The newest images, as they came.
 #[derive(Debug, Clone)]
-pub struct Seen {
+pub struct CapturedImages {
     /// Counts frames of this run.
     pub number: u64,
     /// The images.
@@ -38,7 +38,7 @@ type Listener = Box<dyn Fn(&Update) + Send + Sync>;
 /// Hands updates and status from the frame loop to everyone who asks.
 pub struct Hub {
     watched: Mutex<Option<Watched>>,
-    seen: watch::Sender<Option<Seen>>,
+    seen: watch::Sender<Option<CapturedImages>>,
     preset: Option<Preset>,
     source: SourceInfo,
     latest: watch::Sender<Option<Arc<Published>>>,
@@ -79,7 +79,9 @@ pub struct Frames {
     pub lost: u64,
     /// Frames that were missing or broken.
     pub skipped: u64,
-    /// The last one of those: file and reason.
+    /// Frames that were lost to an internal error of doorcam's.
+    pub failed: u64,
+    /// The last one that was skipped: file and reason.
     #[schema(required)]
     pub last_skipped: Option<String>,
 }
@@ -298,12 +300,12 @@ impl Hub {
     }
 
     /// The newest images; none before the first frame.
-    pub fn seen(&self) -> Option<Seen> {
+    pub fn seen(&self) -> Option<CapturedImages> {
         self.seen.borrow().clone()
     }
 
     /// To be told of each frame; who is slow sees the newest only.
-    pub fn frames(&self) -> watch::Receiver<Option<Seen>> {
+    pub fn frames(&self) -> watch::Receiver<Option<CapturedImages>> {
         self.seen.subscribe()
     }
 
@@ -376,7 +378,7 @@ impl Hub {
         self.tap.frame(frame);
         let mut counters = lock(&self.counters);
         let number = counters.frames.captured;
-        self.seen.send_replace(Some(Seen { number, images: frame.images.clone(), time, at: Instant::now() }));
+        self.seen.send_replace(Some(CapturedImages { number, images: frame.images.clone(), time, at: Instant::now() }));
         counters.frames.captured += 1;
         if counters.condition.state == SourceState::Opening {
             counters.condition.state = SourceState::Streaming;
@@ -399,6 +401,12 @@ impl Hub {
         let same_again = frames.last_skipped.as_ref() == Some(&why);
         frames.last_skipped = Some(why);
         (frames.skipped, same_again)
+    }
+
+    /// Counts frames that were lost to internal errors.
+    pub(super) fn failed(&self, count: u64) {
+        lock(&self.counters).frames.failed += count;
+        self.meters.failed.increment(count);
     }
 
     pub(super) fn lost(&self, count: u64) {

@@ -15,6 +15,7 @@ pub(super) struct Meters {
     pub(super) dropped: Counter,
     pub(super) lost: Counter,
     pub(super) skipped: Counter,
+    pub(super) failed: Counter,
     source: Vec<(SourceState, Gauge)>,
     watch: Vec<(State, Gauge)>,
     stages: [Histogram; 7],
@@ -46,6 +47,7 @@ impl Meters {
         describe_counter!("doorcam_frames_dropped_total", "Frames that a newer one replaced");
         describe_counter!("doorcam_frames_lost_total", "Frames that the camera made and that never arrived");
         describe_counter!("doorcam_frames_skipped_total", "Frames that were missing or broken");
+        describe_counter!("doorcam_frames_failed_total", "Frames that were lost to an internal error");
         describe_gauge!("doorcam_source_state", "1 for the state in which the source is");
         describe_gauge!("doorcam_state", "1 for the state of the newest update");
         describe_histogram!("doorcam_stage_seconds", "Time that a frame took in each stage");
@@ -62,6 +64,7 @@ impl Meters {
             dropped: counter!("doorcam_frames_dropped_total"),
             lost: counter!("doorcam_frames_lost_total"),
             skipped: counter!("doorcam_frames_skipped_total"),
+            failed: counter!("doorcam_frames_failed_total"),
             source: SOURCE_STATES.map(|(state, name)| (state, gauge!("doorcam_source_state", "state" => name))).into(),
             watch: WATCH_STATES.map(|(state, name)| (state, gauge!("doorcam_state", "state" => name))).into(),
             stages: STAGES.map(|stage| histogram!("doorcam_stage_seconds", "stage" => stage)),
@@ -70,7 +73,9 @@ impl Meters {
             people: gauge!("doorcam_people"),
         };
         // A counter that nobody has counted yet is 0, not absent.
-        for counter in [&meters.captured, &meters.solved, &meters.dropped, &meters.lost, &meters.skipped] {
+        for counter in
+            [&meters.captured, &meters.solved, &meters.dropped, &meters.lost, &meters.skipped, &meters.failed]
+        {
             counter.increment(0);
         }
         meters.source_is(SourceState::Opening);

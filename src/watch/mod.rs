@@ -16,8 +16,8 @@ mod zones;
 
 pub use calibration_store::{CalibrationStore, StoreError};
 pub use calibrator::{CalibrationRefused, CalibrationReport, Calibrator, Keeping};
-pub use hub::{Hub, Seen, Status};
-pub use mailbox::{Mailbox, Taken};
+pub use hub::{CapturedImages, Hub, Status};
+pub use mailbox::{Mailbox, Put, Taken};
 pub use recent::{PathPoint, TrackHistory};
 pub use recordings::{RecordingRefused, RecordingReport, RecordingWish, Recordings};
 pub use run::{Command, Control, Running, start};

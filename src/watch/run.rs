@@ -1,3 +1,4 @@
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
@@ -6,9 +7,10 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use crate::watch::hub::Hub;
-use crate::watch::{Mailbox, Taken};
+use crate::watch::{Mailbox, Put, Taken};
 use doorcam_core::tracking::Zone;
 use doorcam_engine::{Engine, StepError};
+use doorcam_source::camera::Backoff;
 use doorcam_source::{Condition, Granted, RawFrame, SkippedFrame, Source, SourceEvent, SourceState};
 
 /// A captured frame and when it was captured.
@@ -60,6 +62,9 @@ impl Control {
     }
 }
 
+/// So many panics in a row are not bad luck any more.
+const PANICS: u32 = 3;
+
 /// How often the solver thread looks for commands while no frames come.
 const TICK: Duration = Duration::from_millis(100);
 
@@ -72,14 +77,27 @@ pub fn start(source: Box<dyn Source>, engine: Option<Engine>, hub: Arc<Hub>) -> 
         let (mailbox, hub) = (Arc::clone(&mailbox), Arc::clone(&hub));
         std::thread::Builder::new().name("capture".into()).spawn(move || {
             let _closing = Closing(&mailbox);
-            capture(source, &mailbox, &hub);
+            Capture { source, mailbox: &mailbox, hub: &hub }.run();
         })?
     };
     let solve = std::thread::Builder::new().name("solve".into()).spawn(move || {
         let _closing = Closing(&mailbox);
-        let guard = EndGuard { hub: &hub, done: false };
-        let ended = solve(engine, &mailbox, &hub, &commands);
-        guard.end(ended);
+        let mut solver = Solver {
+            engine,
+            mailbox: &mailbox,
+            hub: &hub,
+            commands,
+            may_lack_background: false,
+            rebuild: false,
+            frame: None,
+        };
+        match solver.run() {
+            Ok(()) => hub.condition(ended(SourceState::Ended, None)),
+            Err(error) => {
+                tracing::error!("{error}");
+                hub.condition(ended(SourceState::Failed, Some(error)));
+            }
+        }
     })?;
     Ok(Running { control: Control(tell), solve })
 }
@@ -93,54 +111,66 @@ impl Drop for Closing<'_> {
     }
 }
 
-/// Reports how the solver thread ended, even if it panicked.
-struct EndGuard<'a> {
-    hub: &'a Hub,
-    done: bool,
+fn ended(state: SourceState, reason: Option<String>) -> Condition {
+    Condition { state, reason, granted: None }
 }
 
-impl EndGuard<'_> {
-    fn end(mut self, result: Result<(), String>) {
-        self.done = true;
-        match result {
-            Ok(()) => self.hub.condition(ended(SourceState::Ended, None)),
-            Err(error) => {
-                tracing::error!("{error}");
-                self.hub.condition(ended(SourceState::Failed, Some(error)));
+/// Runs `once` until it says how it ended. A panic in it costs that one call: `failed` is told of it, with its message, and
+/// after [`PANICS`] in a row each further call waits longer.
+fn repeat<T, S>(state: &mut S, once: impl Fn(&mut S) -> Option<T>, failed: impl Fn(&mut S, &str)) -> T {
+    let mut backoff = Backoff::new(Duration::from_secs(1), Duration::from_secs(30), 0);
+    let mut panics = 0;
+    loop {
+        // What a panic may have left half done is the state's to mend: `failed` says so.
+        match catch_unwind(AssertUnwindSafe(|| once(state))) {
+            Ok(Some(end)) => return end,
+            Ok(None) => {
+                panics = 0;
+                backoff.reset();
+            }
+            Err(panic) => {
+                panics += 1;
+                let text = panic.downcast_ref::<&str>().copied();
+                let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+                failed(state, text.unwrap_or("no message"));
+                if panics >= PANICS {
+                    std::thread::sleep(backoff.next_delay());
+                }
             }
         }
     }
 }
 
-impl Drop for EndGuard<'_> {
-    fn drop(&mut self) {
-        if !self.done {
-            let reason = "the frame loop stopped on an internal error".into();
-            self.hub.condition(ended(SourceState::Failed, Some(reason)));
-        }
+/// Takes what the source gives and hands it on.
+struct Capture<'a> {
+    source: Box<dyn Source>,
+    mailbox: &'a Mailbox<Captured>,
+    hub: &'a Hub,
+}
+
+impl Capture<'_> {
+    fn run(&mut self) {
+        repeat(self, Self::once, |capture, panic| {
+            capture.hub.failed(1);
+            tracing::error!("the source failed on an internal error: {panic}");
+        });
     }
-}
 
-fn ended(state: SourceState, reason: Option<String>) -> Condition {
-    Condition { state, reason, granted: None }
-}
-
-fn capture(mut source: Box<dyn Source>, mailbox: &Mailbox<Captured>, hub: &Hub) {
-    while let Some(next) = source.next() {
-        if mailbox.is_closed() {
-            return;
+    /// The next thing that the source says; something when there will be no more, or nobody wants it.
+    fn once(&mut self) -> Option<()> {
+        let Some(next) = self.source.next() else { return Some(()) };
+        if self.mailbox.is_closed() {
+            return Some(());
         }
+        let Self { source, mailbox, hub } = self;
         match next {
             SourceEvent::Frame(frame) => {
                 let time = frame.time.unwrap_or_else(Timestamp::now);
                 hub.captured(&frame, time);
-                let captured = Captured { frame, time };
-                if source.lossless() {
-                    if !mailbox.put_after(captured) {
-                        return;
-                    }
-                } else if mailbox.replace(captured).is_some() {
-                    hub.dropped(1);
+                match mailbox.put(Captured { frame, time }, source.lossless()) {
+                    Put::Alone => {}
+                    Put::Instead(_) => hub.dropped(1),
+                    Put::Closed => return Some(()),
                 }
             }
             SourceEvent::Skipped(skipped) => {
@@ -161,6 +191,7 @@ fn capture(mut source: Box<dyn Source>, mailbox: &Mailbox<Captured>, hub: &Hub) 
             }
             SourceEvent::Nothing => {}
         }
+        None
     }
 }
 
@@ -192,46 +223,99 @@ fn skip(hub: &Hub, skipped: &SkippedFrame) {
     }
 }
 
-/// Solves frames until there are no more; an error if none of them can be solved.
-fn solve(
-    mut engine: Option<Engine>,
-    mailbox: &Mailbox<Captured>,
-    hub: &Hub,
-    commands: &Receiver<Command>,
-) -> Result<(), String> {
-    let mut recalibrated = false;
-    loop {
-        while let Ok(command) = commands.try_recv() {
+/// Works on captured frames, and does what it is told between two of them.
+struct Solver<'a> {
+    engine: Option<Engine>,
+    mailbox: &'a Mailbox<Captured>,
+    hub: &'a Hub,
+    commands: Receiver<Command>,
+    /// Whether frames of the empty room may have gone by unlearned: before another calibration, or in a panic.
+    may_lack_background: bool,
+    /// Whether a panic may have left the engine half done.
+    rebuild: bool,
+    /// The frame that is worked on.
+    frame: Option<Arc<str>>,
+}
+
+impl Solver<'_> {
+    /// Solves frames until there are no more; an error if none of them can be solved.
+    fn run(&mut self) -> Result<(), String> {
+        repeat(self, Self::once, |solver, panic| {
+            (solver.rebuild, solver.may_lack_background) = (true, true);
+            let frame = solver.frame.take();
+            let frame = frame.as_deref().unwrap_or("between two frames");
+            solver.hub.failed(1);
+            tracing::error!("{frame}: an internal error ({panic}): this frame is lost, and the engine is built anew");
+        })
+    }
+
+    /// At most one frame; something when it is over.
+    fn once(&mut self) -> Option<Result<(), String>> {
+        if self.rebuild {
+            self.engine.iter_mut().for_each(Engine::rebuild);
+            self.engine.iter_mut().for_each(|engine| engine.use_zones(self.hub.zones()));
+            self.rebuild = false;
+        }
+        while let Ok(command) = self.commands.try_recv() {
             match command {
-                Command::Use(mut next) => {
-                    hub.watch(next.watched());
-                    if let Some(engine) = engine.take() {
-                        next.continue_from(engine);
-                    }
-                    // It was made with the zones of the start.
-                    next.use_zones(hub.zones());
-                    engine = Some(*next);
-                    recalibrated = true;
-                }
-                Command::UseZones(zones) => engine.iter_mut().for_each(|engine| engine.use_zones(zones.clone())),
-                Command::End => return Ok(()),
-                Command::ResetBackground => engine.iter_mut().for_each(|engine| {
-                    engine.reset_background();
-                }),
+                Command::Use(next) => self.go_on_with(*next),
+                Command::UseZones(zones) => self.engine.iter_mut().for_each(|engine| engine.use_zones(zones.clone())),
+                Command::ResetBackground => self.engine.iter_mut().for_each(Engine::reset_background),
+                Command::End => return Some(Ok(())),
             }
         }
-        let Captured { frame, time } = match mailbox.take(TICK) {
+        let Captured { frame, time } = match self.mailbox.take(TICK) {
             Taken::Item(captured) => captured,
-            Taken::Nothing => continue,
-            Taken::Closed => return Ok(()),
+            Taken::Nothing => return None,
+            Taken::Closed => return Some(Ok(())),
         };
-        let Some(engine) = &mut engine else { continue };
-        match engine.step(&frame, time) {
-            Ok(published) => hub.publish(published),
-            Err(StepError::Skipped(skipped)) => skip(hub, &skipped),
+        let engine = self.engine.as_mut()?;
+        self.frame = Some(Arc::clone(&frame.name));
+        let solved = engine.step(&frame, time);
+        match solved {
+            Ok(published) => self.hub.publish(published),
+            Err(StepError::Skipped(skipped)) => skip(self.hub, &skipped),
             // A recording that begins again shows the empty room again.
-            Err(StepError::NoBackground) if recalibrated => {}
-            Err(e @ StepError::NoBackground) => return Err(e.to_string()),
+            Err(StepError::NoBackground) if self.may_lack_background => {}
+            Err(e @ StepError::NoBackground) => return Some(Err(e.to_string())),
         }
+        self.frame = None;
+        None
+    }
+
+    fn go_on_with(&mut self, mut next: Engine) {
+        self.hub.watch(next.watched());
+        if let Some(engine) = self.engine.take() {
+            next.continue_from(engine);
+        }
+        // It was made with the zones of the start.
+        next.use_zones(self.hub.zones());
+        self.engine = Some(next);
+        self.may_lack_background = true;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_costs_one_call_and_is_told_with_its_message() {
+        // Calls 2 and 3 fail, the second with a formatted message; the fifth is the end.
+        let mut state = (0, Vec::new());
+        let end = repeat(
+            &mut state,
+            |(calls, _)| {
+                *calls += 1;
+                match calls {
+                    2 => panic!("two"),
+                    3 => panic!("call {calls}"),
+                    5 => Some(*calls),
+                    _ => None,
+                }
+            },
+            |(_, told), panic| told.push(panic.to_owned()),
+        );
+        assert_eq!((end, state.1), (5, vec!["two".to_owned(), "call 3".to_owned()]));
     }
 }

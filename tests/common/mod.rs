@@ -215,6 +215,21 @@ impl Daemon {
         }
     }
 
+    /// Asks for the newest update until one is as wanted. What an update says is of one moment; status and update, asked for
+    /// one after the other, are not.
+    pub fn wait_for_update(&self, what: &str, wanted: impl Fn(&serde_json::Value) -> bool) -> serde_json::Value {
+        let deadline = Instant::now() + Duration::from_secs(180);
+        loop {
+            let (status, body) = self.get("/api/v1/reconstruction");
+            let update: serde_json::Value = serde_json::from_slice(&body).unwrap_or_default();
+            if status == 200 && wanted(&update) {
+                return update;
+            }
+            assert!(Instant::now() < deadline, "waited in vain for {what}: {update}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
     /// Opens the live socket.
     pub fn live(&self) -> tungstenite::WebSocket<std::net::TcpStream> {
         let address = self.url.trim_start_matches("http://");

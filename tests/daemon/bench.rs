@@ -22,7 +22,7 @@ fn bench_prints_one_object_with_just_the_promised_keys() {
     assert_eq!(keys(&report["published_iteration_ms"]), set(&["p50"]));
     assert!(report["published_iteration_ms"]["p50"].as_f64().unwrap() > 0.0);
     assert_eq!(report["facets"], 230);
-    // Both patches of 64 x 64, without the pixels at the feet of the edges.
+    // Two patches of 64 x 64 pixels, without the pixels at the feet of the edges.
     assert!((8000..2 * 64 * 64).contains(&report["pixels"].as_u64().unwrap()), "{report}");
 }
 

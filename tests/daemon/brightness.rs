@@ -1,4 +1,4 @@
-//! Which brightness figures show: the measured one, unless the paper's figures are wanted. Updates have both.
+//! The brightness that figures show: measured by default, shrunk to match the paper's figures. Updates have both.
 
 use crate::common;
 use std::path::Path;
@@ -11,7 +11,7 @@ use doorcam_engine::{Assembly, Published};
 use doorcam_source::recording::Recording;
 use jiff::Timestamp;
 
-/// The demo's first seconds, seldom: somebody comes in.
+/// The first seconds of the demo at a low frame rate: somebody comes in.
 fn recording(directory: &Path) -> Recording {
     let demo = Scenario::demo();
     let patch = PatchGrid { size: 32, ..demo.patch };
@@ -34,7 +34,7 @@ fn maps(config: &Config, recording: &Recording) -> Vec<Published> {
 fn figures_show_the_brightness_that_is_asked_for_and_updates_have_both() {
     let directory = tempfile::tempdir().unwrap();
     let recording = recording(directory.path());
-    // A coarse grid is enough, and quick.
+    // A coarse grid is sufficient and fast.
     let mut measured = Config::default();
     measured.grid.angular_step_deg = 6.0;
     let mut shrunk = measured.clone();
@@ -44,7 +44,7 @@ fn figures_show_the_brightness_that_is_asked_for_and_updates_have_both() {
     for (config, refitted) in [(measured, true), (shrunk, false), (published, false)] {
         let maps = maps(&config, &recording);
         assert!(maps.len() >= 4, "{} maps", maps.len());
-        assert!(maps.iter().flat_map(|m| &m.update.facets).any(|f| f.refit > 1.1), "nothing to undo");
+        assert!(maps.iter().flat_map(|m| &m.update.facets).any(|f| f.refit > 1.1), "no shrinkage to undo");
         for map in &maps {
             let scene = map.scene.as_ref().unwrap();
             for facet in &map.update.facets {

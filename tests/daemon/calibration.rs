@@ -1,4 +1,4 @@
-//! The real program is calibrated over REST while it runs, and keeps what it was told.
+//! The real program is calibrated over REST while it runs, and keeps the calibration.
 
 use crate::common;
 use std::path::Path;
@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 const DOORWAY: Doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None };
 
-/// A camera 400 pixels a metre above the floor that looks straight down, the door line at row 40.
+/// A camera that looks straight down at 400 pixels per metre of floor, with the door line at row 40.
 fn overhead([x, y]: [f64; 2]) -> [f64; 2] {
     [320.0 + 400.0 * x, 40.0 - 400.0 * (y + 0.1)]
 }
@@ -21,7 +21,7 @@ fn floor_points(see: impl Fn([f64; 2]) -> [f64; 2]) -> Vec<FloorPoint> {
     floor.map(|floor_m| FloorPoint { pixel: see(floor_m), floor_m }).to_vec()
 }
 
-/// A camera's recording of a floor of one grey.
+/// A camera's recording of a floor of uniform grey.
 fn camera_recording() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     let manifest = Manifest {
@@ -46,7 +46,7 @@ fn daemon(recording: &Path, more: &[&str]) -> Daemon {
     Daemon::start(&format!("replay:{},loop", recording.display()), more)
 }
 
-/// The calibration in use, with its points moved to where `see` has them.
+/// The calibration in use, with its points as `see` maps them to the image.
 fn moved(daemon: &Daemon, see: impl Fn([f64; 2]) -> [f64; 2]) -> Value {
     let mut calibration = daemon.json("/api/v1/calibration")["calibration"].clone();
     calibration["floor_points"] = json!(floor_points(see));
@@ -82,7 +82,7 @@ fn a_calibration_is_checked_used_kept_and_taken_back() {
     assert_eq!(running.json("/api/v1/calibration"), first);
     assert!(!file.exists());
 
-    // Used from the next frames on, which say so.
+    // It is used from one of the next frames on, and these say so.
     let (status, saved) = running.send("PUT", "/api/v1/calibration", &wanted);
     assert_eq!((status, &saved["calibration"]["floor_points"]), (200, &wanted["floor_points"]), "{saved}");
     running.wait_for("an update of the new calibration", |status| status["calibration_revision"] == 1);
@@ -90,14 +90,14 @@ fn a_calibration_is_checked_used_kept_and_taken_back() {
     running.wait_for("updates", |s| s["last_update"]["sequence"].as_u64() > Some(3));
     assert_eq!(running.json("/api/v1/reconstruction")["calibration"], 1);
 
-    // The next one keeps this one as the previous, which can be had back.
+    // Saving another one keeps this one as the previous, which can be restored.
     let next = moved(&running, |p| overhead(p).map(|v| v + 1.0));
     let (status, saved) = running.send("PUT", "/api/v1/calibration", &next);
     assert_eq!((status, &saved["previous"]), (200, &json!(true)));
     let (status, back) = running.send("POST", "/api/v1/calibration/previous", &Value::Null);
     assert_eq!((status, &back["calibration"]["floor_points"]), (200, &wanted["floor_points"]));
 
-    // And it is still there after a restart.
+    // It survives a restart.
     drop(running);
     let again = daemon(recording.path(), &arguments);
     assert_eq!(again.json("/api/v1/calibration")["calibration"]["floor_points"], wanted["floor_points"]);
@@ -127,7 +127,7 @@ fn what_does_not_fit_is_refused_in_words_and_the_one_in_use_stays() {
     many["floor_points"] = json!(points.iter().cycle().take(10_000).collect::<Vec<_>>());
     let (status, check) = running.send("POST", "/api/v1/calibration/check", &many);
     assert_eq!((status, &check["errors"]), (200, &json!(["floor_points has 10000 points, expected at most 64"])));
-    // As many as that, one of them wrong, are looked through while someone drags.
+    // The wrong one of 64 points is found fast enough to check while somebody drags.
     let spread = |k: usize| [-0.6 + 0.02 * k as f64, -0.12 - 0.08 * (k % 5) as f64];
     let at = |k: usize| FloorPoint { pixel: overhead(spread(k)), floor_m: spread(k) };
     let mut right: Vec<FloorPoint> = (0..64).map(at).collect();

@@ -1,11 +1,11 @@
-//! `doorcam crb` as a user meets it: its table, its CSV, its figures, its refusals.
+//! `doorcam crb` as a user sees it: table, CSV, figures, errors.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::common::{doorcam, run, stderr};
 
-/// Runs `doorcam crb`, which must succeed, and returns what it said on stdout.
+/// Runs `doorcam crb`, which must succeed, and returns its stdout.
 fn crb(arguments: &[&str]) -> String {
     let output = doorcam(&["crb"]).args(arguments).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", stderr(&output));
@@ -89,8 +89,8 @@ fn the_table_says_the_same_in_degrees_and_metres() {
         let row = table.lines().find(|line| line.starts_with(strategy)).unwrap().to_owned();
         row.split_whitespace().nth(10).unwrap().parse().unwrap()
     };
-    assert!((correlation + of("doorway", "0.25,1")).abs() < 2e-3, "the mirror turns its sign");
-    // One edge leaves only its ray, which leads to the right.
+    assert!((correlation + of("doorway", "0.25,1")).abs() < 2e-3, "mirroring changes its sign");
+    // With one edge, only the direction of its ray is known, which leads to the right.
     assert!(of("single-corner", "-0.25,1") > 0.95);
 }
 
@@ -137,7 +137,7 @@ fn sweeps_answer_what_helps() {
         }
         let patch = sweep("patch=0.1,0.2,0.4");
         assert!(patch[0].1 > patch[1].1 && patch[1].1 > patch[2].1, "{patch:?}");
-        // More pixels for the same light only sharpen the edge.
+        // More pixels for the same light only sharpen the shadow's border.
         let pixels = sweep("pixels=8,16,32");
         assert!(pixels[0].1 > pixels[2].1 && pixels[1].1 > pixels[2].1, "{pixels:?}");
     }

@@ -1,4 +1,4 @@
-//! Recordings that a running daemon makes of its source.
+//! Recordings of its source that a running daemon makes.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 const PATH: &str = "/api/v1/recording";
 
-/// A replayed loop of equal frames, with a place for recordings.
+/// A daemon that replays equal frames in a loop, with a storage directory for recordings.
 fn daemon(storage: &Path, more: &[&str]) -> (tempfile::TempDir, Daemon) {
     let source = grey_recording(&manifest(), 6);
     let storage = storage.to_str().unwrap();
@@ -30,7 +30,7 @@ fn what_is_captured_becomes_a_recording_that_opens_and_replays() {
     let wish = json!({"name": "evening", "seconds": 1.5, "empty_seconds": 0.5});
     let (code, begun) = daemon.send("POST", PATH, &wish);
     assert_eq!((code, &begun["recording"]["state"]), (201, &json!("recording")), "{begun}");
-    // One at a time.
+    // Only one at a time.
     let (code, problem) = daemon.send("POST", PATH, &json!({"name": "another"}));
     assert_eq!((code, detail(&problem)), (409, "a recording is under way already"));
     // It ends by itself.
@@ -38,7 +38,7 @@ fn what_is_captured_becomes_a_recording_that_opens_and_replays() {
     let recording = &status["recording"];
     assert_eq!((&recording["ended"], &recording["overflowed"]), (&json!("seconds"), &json!(0)), "{recording}");
     let frames = recording["frames"].as_u64().unwrap();
-    // At ten frames a second, in less than a second and a half.
+    // Ten frames per second, for at most a second and a half.
     assert!((10..=15).contains(&frames), "{recording}");
 
     let directory = storage.path().join("recordings/evening");

@@ -1,4 +1,4 @@
-//! Bad input: exit status 1 and one clear line each.
+//! Bad input: exit status 1 and one clear line.
 
 use crate::common::{JPEG, doorcam, grey_recording, manifest, run, stderr};
 
@@ -119,7 +119,7 @@ fn recordings_without_anything_to_do_are_refused() {
     let dir = grey_recording(&manifest(), 2);
     let path = dir.path().to_str().unwrap();
     assert!(failure(&["reconstruct", path]).ends_with("no frame to reconstruct after background_frames"));
-    // All of the background is broken: there is nothing to compare with.
+    // All background frames are broken, so there is nothing to compare with.
     let dir = grey_recording(&manifest(), 3);
     for index in 0..2 {
         std::fs::write(dir.path().join(format!("frames/{index:08}_left.jpg")), b"no image").unwrap();

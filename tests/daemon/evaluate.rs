@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::common::{doorcam, grey_recording, manifest, run, stderr};
 use serde_json::{Value, json};
 
-/// What the contract promises.
+/// The keys of the JSON report that users rely on.
 const PROMISED: [&str; 13] = [
     "recording",
     "frames",
@@ -38,7 +38,7 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// A grey recording of six frames, two of them the empty room, with a truth: one person from frame 2 on.
+/// A grey recording of six frames with a truth: two frames of the empty room, then one person from frame 2 on.
 fn with_truth() -> tempfile::TempDir {
     let dir = grey_recording(&manifest(), 6);
     let frame = |index: u64| {
@@ -50,7 +50,7 @@ fn with_truth() -> tempfile::TempDir {
     dir
 }
 
-/// Updates with a confirmed track at `off` metres from the truth, in a file of its own.
+/// Writes a file of updates with a confirmed track `off` metres from the truth.
 fn updates(dir: &Path, off: f64) -> PathBuf {
     let line = |index: u64| {
         let track = json!({
@@ -112,13 +112,13 @@ fn updates_from_a_file_are_scored_and_drawn() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let table = String::from_utf8(output.stdout).unwrap();
     let cells: Vec<&str> = table.lines().last().unwrap().split_whitespace().skip(1).collect();
-    // e² / σ² = 9 > 5.991: outside of the ellipse.
+    // e² / σ² = 9 > 5.991: outside the ellipse.
     assert_eq!(cells, ["4", "4", "0.300", "0.300", "0.300", "–", "–", "0.0", "0", "0", "0", "0.0", "0.300", "–"]);
     let name = dir.path().file_name().unwrap().to_str().unwrap();
     let svg = std::fs::read_to_string(pictures.join(format!("evaluation_{name}.svg"))).unwrap();
     assert!(svg.contains("track 5") && svg.contains("mean 0.300 m"));
     assert!(std::fs::read(pictures.join(format!("evaluation_{name}.png"))).unwrap().starts_with(b"\x89PNG"));
-    // All of it is within the first second.
+    // With the default of one second to settle, no target counts.
     let output = run(&["evaluate", path, "--updates", text(&file), "--json"]);
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(
@@ -151,7 +151,7 @@ fn what_cannot_be_scored_is_named() {
     let path = text(bare.path());
     let truth = bare.path().join("truth.json");
     let expected =
-        format!("doorcam: {path}/truth.json: no such file, expected where everybody really was (docs/recordings.md)");
+        format!("doorcam: {path}/truth.json: no such file, expected the true places of everybody (docs/recordings.md)");
     assert_eq!(failure(&["evaluate", path]), expected);
     std::fs::write(&truth, r#"{"frames": [{"index": 1, "t": 0.1, "targets": []}]}"#).unwrap();
     assert!(

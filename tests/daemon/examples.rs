@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 
 use crate::common::{Daemon, grey_recording, manifest};
 
-/// Whether a program is there; says so if not.
+/// Whether a program is installed; prints a message if not.
 fn there(program: &str) -> bool {
     let run = Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
     let there = run.is_ok_and(|status| status.success());
@@ -26,7 +26,7 @@ fn daemon() -> (tempfile::TempDir, Daemon) {
     (dir, daemon)
 }
 
-/// What an example prints; it has to succeed.
+/// The output of an example, which must succeed.
 fn output(command: &mut Command) -> String {
     let output = command.stdin(Stdio::null()).output().expect("it starts");
     let said = String::from_utf8(output.stdout).expect("UTF-8");
@@ -34,7 +34,7 @@ fn output(command: &mut Command) -> String {
     said
 }
 
-/// The example printed the state and three updates, one after another.
+/// Checks that the example printed the state and three updates with increasing numbers.
 fn assert_updates(said: &str) {
     assert!(said.starts_with("doorcam "), "{said}");
     let numbers: Vec<u64> =
@@ -73,7 +73,7 @@ fn javascript_follows_the_live_socket() {
     if !there("node") {
         return;
     }
-    // Where it is not there without being asked for, and not even then, there is nothing to run.
+    // Older versions of Node.js have WebSocket only behind a flag, or not at all.
     let has_socket = |flags: &[&str]| {
         let check = Command::new("node")
             .args(flags)

@@ -1,4 +1,4 @@
-//! What was kept survives kill -9 at any moment, but for the last second.
+//! The history survives kill -9 at any moment, except for the last second.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
@@ -13,21 +13,21 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rusqlite::Connection;
 
-/// Names the file to the process that is killed.
+/// Environment variable with the history file for the process that is killed.
 const FILE: &str = "DOORCAM_TEST_HISTORY";
-/// Histories that are written at the same time, and how often each is killed.
+/// Number of histories written at the same time, and how often the writer of each is killed.
 const LANES: u64 = 6;
 const KILLS: u64 = 18;
 const LATEST_MS: u64 = 1500;
 
-/// What the killed process said: that a number was handed over, or that all up to it are kept.
+/// A line printed by the killed process: an event was handed over, or all events up to it are kept.
 struct Said {
     kept: bool,
     number: u64,
     at: Instant,
 }
 
-/// Not a test by itself: the process that is killed.
+/// Not a test itself: the process that is killed.
 #[test]
 #[ignore = "started by the test below"]
 fn write_until_killed() {
@@ -51,10 +51,10 @@ fn write_until_killed() {
     }
 }
 
-/// Lets it write for a while and kills it; returns what it said.
+/// Starts the writer and kills it after `time`. Returns what it printed, and when it was killed.
 fn killed_after(time: Duration, file: &Path) -> (Vec<Said>, Instant) {
     let mut child = Command::new(std::env::current_exe().unwrap())
-        .args(["--ignored", "--exact", "write_until_killed", "--nocapture"])
+        .args(["--ignored", "--exact", "history_kill::write_until_killed", "--nocapture"])
         .env(FILE, file)
         .stdout(Stdio::piped())
         .spawn()
@@ -106,7 +106,7 @@ fn killed_a_hundred_times_it_keeps_all_but_the_last_second() {
                     continue;
                 }
                 let connection = check(&file);
-                // Killed before it had made its tables.
+                // Killed before it created its tables.
                 let Ok(mut select) = connection.prepare("SELECT 1 FROM events WHERE sequence = ?1") else {
                     assert!(due.is_empty());
                     continue;
@@ -124,10 +124,10 @@ fn killed_a_hundred_times_it_keeps_all_but_the_last_second() {
     });
     let lanes: Vec<_> = lanes.collect();
     let due: Vec<usize> = lanes.into_iter().map(|lane| lane.join().unwrap()).collect();
-    assert!(due.iter().all(|&due| due > 100), "too little was written for this to mean anything: {due:?}");
+    assert!(due.iter().all(|&due| due > 100), "too few events were written for a meaningful test: {due:?}");
 }
 
-/// The same, of the whole program.
+/// The same for the whole program.
 #[test]
 fn a_killed_doorcam_tells_what_it_told_before_and_counts_on() {
     let directory = tempfile::tempdir().unwrap();
@@ -135,12 +135,12 @@ fn a_killed_doorcam_tells_what_it_told_before_and_counts_on() {
     std::fs::write(&config, format!("[history]\nfile = {file:?}\n")).unwrap();
     let mut told: Vec<serde_json::Value> = Vec::new();
     for _ in 0..3 {
-        let daemon = Daemon::start("simulate:busy-doorway,rate=max", &["--config", config.to_str().unwrap()]);
+        let daemon = Daemon::start("simulate:tests/rooms/busy.toml,rate=max", &["--config", config.to_str().unwrap()]);
         let known = told.len();
         let page = || daemon.json("/api/v1/events?after=0&limit=1000")["events"].as_array().unwrap().clone();
         daemon.wait_for("new events", |_| page().len() > known + 3);
         let now = page();
-        assert_eq!(now[..known], told, "what was told before is told again");
+        assert_eq!(now[..known], told, "earlier events are still there");
         let number = |event: &serde_json::Value| event["sequence"].as_u64().unwrap();
         assert!(now.windows(2).all(|pair| number(&pair[0]) < number(&pair[1])));
         let entered = |events: &[serde_json::Value]| -> Vec<u64> {
@@ -149,7 +149,7 @@ fn a_killed_doorcam_tells_what_it_told_before_and_counts_on() {
         let (before, after) = (entered(&now[..known]), entered(&now[known..]));
         assert!(after.iter().all(|track| !before.contains(track)), "a track's id came again: {before:?}, {after:?}");
         told = now;
-        // Dropping it kills it.
+        // Dropping a daemon kills it.
         drop(daemon);
         check(&file);
     }

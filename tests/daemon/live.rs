@@ -1,4 +1,5 @@
-//! The live socket: its messages are as described, and who is slow gets the newest and a count of what was missed.
+//! The live socket: its messages match the schema, and a slow client gets the newest update and a count of those that
+//! it missed.
 
 use std::net::TcpStream;
 use std::time::Duration;
@@ -7,7 +8,7 @@ use crate::common::{Daemon, grey_recording, manifest};
 use serde_json::{Value, json};
 use tungstenite::WebSocket;
 
-/// A loop of the empty room, then with a part of the floor brighter, so that there is a map.
+/// A recording of the empty room, then with a part of the floor brighter, so that there is a map.
 fn recording() -> tempfile::TempDir {
     let dir = grey_recording(&manifest(), 9);
     for index in 6..9 {
@@ -26,11 +27,11 @@ fn next(socket: &mut WebSocket<TcpStream>) -> Value {
     }
 }
 
-/// The schema of messages, which moreover allows no key that it does not describe.
+/// The schema of messages, made stricter: it refuses keys that it does not describe.
 fn closed_schema() -> Value {
     let mut schema: Value = serde_json::from_str(doorcam::server::live_schema_json()).unwrap();
     for (name, part) in schema["$defs"].as_object_mut().unwrap() {
-        // A message is an update and one key more: what is neither shows in the whole only.
+        // A message is an update with one more key, so unknown keys can be found only in the whole message.
         if name == "LiveMessage" {
             part["unevaluatedProperties"] = json!(false);
         } else if name != "Update" && part["type"] == "object" {
@@ -68,7 +69,7 @@ fn every_message_is_as_the_schema_says() {
     assert!(!schema.is_valid(&wrong));
 }
 
-/// A client whose system takes next to nothing that it has not read.
+/// A client with a tiny receive buffer.
 fn narrow(daemon: &Daemon) -> WebSocket<TcpStream> {
     let address: std::net::SocketAddr = daemon.url.trim_start_matches("http://").parse().unwrap();
     let socket = socket2::Socket::new(socket2::Domain::IPV4, socket2::Type::STREAM, None).unwrap();
@@ -82,7 +83,7 @@ fn narrow(daemon: &Daemon) -> WebSocket<TcpStream> {
 #[test]
 fn who_is_slow_gets_the_newest_and_the_count_of_what_was_missed() {
     let dir = recording();
-    // As fast as it goes: far more than anybody could show.
+    // At full rate: far more updates than a client could show.
     let daemon = Daemon::start(&format!("replay:{},loop,rate=max", dir.path().display()), &[]);
     let mut slow: Vec<_> = (0..4).map(|_| narrow(&daemon)).collect();
     std::thread::scope(|scope| {
@@ -92,7 +93,8 @@ fn who_is_slow_gets_the_newest_and_the_count_of_what_was_missed() {
     });
 }
 
-/// Twenty messages a second, until hundreds between them were missed. (Who reads nothing at all for long is cut off.)
+/// Reads at most twenty messages per second until 800 in between were missed. (A client that reads nothing for long is
+/// disconnected.)
 fn read_slowly(socket: &mut WebSocket<TcpStream>) {
     let mut last = next(socket)["sequence"].as_u64().unwrap();
     let (mut whole, mut missed) = (0, 0);
@@ -102,9 +104,9 @@ fn read_slowly(socket: &mut WebSocket<TcpStream>) {
         let sequence = message["sequence"].as_u64().unwrap();
         let gap = sequence - last - 1;
         assert_eq!(message["missed"].as_u64().unwrap_or(0), gap, "the count is that of the gap after {last}");
-        assert_eq!(message.get("missed").is_some(), gap > 0, "it is left out where nothing was missed");
+        assert_eq!(message.get("missed").is_some(), gap > 0, "it is left out if nothing was missed");
         missed += gap;
-        // What the system's buffers hold comes first, and nothing else is kept.
+        // Updates in the system's buffers come first; no others are kept.
         whole += u64::from(missed == 0);
         assert!(whole < 100, "{whole} updates one after the other");
         last = sequence;

@@ -1,5 +1,5 @@
-//! The real program: each command and each part of the daemon, started on a free port and used as people and other programs
-//! use it.
+//! Tests of the real program: each command and each part of the daemon, started on a free port and used as people and
+//! other programs use it.
 
 mod access;
 #[path = "../common/mod.rs"]
@@ -17,6 +17,7 @@ mod endurance;
 mod errors;
 mod evaluate;
 mod examples;
+mod frame_loop;
 mod history;
 mod history_kill;
 mod hostile;

@@ -1,4 +1,4 @@
-//! What a real broker is told. Without Debian's mosquitto and mosquitto-clients, these tests say that they were skipped.
+//! Messages to a real broker. Without Debian's mosquitto and mosquitto-clients, these tests are skipped and say so.
 
 use crate::common;
 use std::collections::BTreeMap;
@@ -13,15 +13,15 @@ use crate::common::Daemon;
 use serde_json::Value;
 
 const LONG: Duration = Duration::from_secs(60);
-const SOURCE: &str = "simulate:busy-doorway,rate=max";
+const SOURCE: &str = "simulate:tests/rooms/busy.toml,rate=max";
 const ZONES: &str = "[[zones]]\nname = \"Near, left\"\npolygon_m = [[-1.5, 0.2], [0, 0.2], [0, 3], [-1.5, 3]]\n";
 
-/// Ends with the test.
+/// A child process that is killed at the end of the test.
 struct Process(Child);
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It may have ended already.
+        // The process may have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -42,10 +42,10 @@ fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }
 
-/// A broker that keeps nothing when it ends.
+/// Starts a broker that keeps nothing when it ends.
 fn broker(directory: &Path, port: u16, more: &str) -> Process {
     let file = directory.join("mosquitto.conf");
-    // As root it would become another user, who may not read the test's files.
+    // Started as root, mosquitto would switch to another user, who cannot read the test's files.
     let root = Command::new("id").arg("-u").output().is_ok_and(|id| id.stdout == b"0\n");
     let user = if root { "user root\n" } else { "" };
     std::fs::write(&file, format!("listener {port} 127.0.0.1\npersistence false\n{user}{more}")).unwrap();
@@ -59,7 +59,7 @@ fn broker(directory: &Path, port: u16, more: &str) -> Process {
     Process(child)
 }
 
-/// Somebody who has subscribed to everything.
+/// A client that subscribes to all topics.
 struct Subscriber {
     _process: Process,
     lines: Receiver<(bool, String, String)>,
@@ -89,7 +89,7 @@ impl Subscriber {
         Self { _process: Process(child), lines }
     }
 
-    /// The first message that is as wanted.
+    /// Waits for the first message that is `wanted`.
     fn wait_for(&self, what: &str, wanted: impl Fn(&str, &str) -> bool) -> (bool, String, String) {
         let deadline = Instant::now() + LONG;
         loop {
@@ -102,9 +102,9 @@ impl Subscriber {
     }
 }
 
-/// What the broker keeps, by topic.
+/// The broker's retained messages, by topic.
 fn retained(port: u16) -> BTreeMap<String, String> {
-    // It ends after three seconds.
+    // The subscriber ends after three seconds.
     let subscriber = Subscriber::new(port, &["--retained-only", "-W", "3"]);
     subscriber.lines.iter().map(|(_, topic, payload)| (topic, payload)).collect()
 }
@@ -153,7 +153,7 @@ fn a_broker_knows_who_is_there_and_that_doorcam_died() {
         (&"connected".into(), &0.into())
     );
 
-    // Whoever comes later finds the values, and Home Assistant its entities.
+    // Later subscribers find the values, and Home Assistant its entities.
     let kept = retained(port);
     assert_eq!(kept["doorcam/hall/availability"], "online");
     assert!(!kept.contains_key("doorcam/hall/tracks") && !kept.contains_key("doorcam/hall/events"));
@@ -183,12 +183,12 @@ fn a_broker_knows_who_is_there_and_that_doorcam_died() {
         assert!(entity["device"]["identifiers"][0].is_string() && entity["origin"]["name"] == "doorcam");
     }
 
-    // A signal that cannot be caught: the last will speaks.
+    // SIGKILL cannot be caught, so the broker publishes the last will.
     assert!(Command::new("kill").args(["-KILL", &daemon.id().to_string()]).status().unwrap().success());
     subscriber.wait_for("the last will", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "offline"));
     daemon = Daemon::start(SOURCE, &["--config", &config(directory.path(), port, "")]);
     subscriber.wait_for("its return", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "online"));
-    // A proper end is told, too.
+    // A proper end is announced too.
     assert_eq!(daemon.terminate().1, Some(0));
     subscriber.wait_for("the end", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "offline"));
 }
@@ -208,7 +208,7 @@ fn zones_that_are_drawn_take_the_place_of_those_before() {
     subscriber.wait_for("the other", |topic, _| topic == "doorcam/hall/zones/desk/people");
     let kept = retained(port);
     let of = |zone: &str| kept.keys().filter(|topic| topic.contains(zone)).count();
-    assert_eq!((of("near__left"), of("desk")), (0, 4), "occupancy and people, and their announcements: {kept:?}");
+    assert_eq!((of("near__left"), of("desk")), (0, 4), "occupancy and people, and their discovery messages: {kept:?}");
 }
 
 #[test]
@@ -217,7 +217,7 @@ fn a_broker_that_forgot_everything_is_told_again() {
         return;
     }
     let (directory, port) = (tempfile::tempdir().unwrap(), free_port());
-    // There is no broker yet, and nothing waits for it.
+    // There is no broker yet, and frames do not wait for one.
     let daemon = Daemon::start(SOURCE, &["--config", &config(directory.path(), port, "home_assistant = \"\"")]);
     let away = |status: &Value| {
         let mqtt = &status["publish"]["mqtt"];

@@ -1,16 +1,16 @@
-//! The API's description is that of the code, the one in docs/ is the same, and what is served is as described.
+//! The API's description: it is complete, docs/ has the same one as the code, and the daemon serves it.
 
 use crate::common::{Daemon, grey_recording, manifest};
 use serde_json::Value;
 
-/// A file in docs/ that is made from the code. Run the test with UPDATE_DOCS=1 to write it anew.
+/// Checks a file in docs/ that is generated from the code. UPDATE_DOCS=1 writes it again.
 fn generated(name: &str, text: &str) {
     let path = format!("{}/docs/{name}", env!("CARGO_MANIFEST_DIR"));
     if std::env::var_os("UPDATE_DOCS").is_some() {
         std::fs::write(&path, text).expect("a writable docs/");
     }
     let kept = std::fs::read_to_string(&path).unwrap_or_default();
-    assert!(kept == text, "docs/{name} is not what the code says: UPDATE_DOCS=1 cargo test --test openapi");
+    assert!(kept == text, "docs/{name} is out of date: UPDATE_DOCS=1 cargo test --test daemon openapi");
 }
 
 fn document() -> Value {
@@ -37,13 +37,13 @@ fn the_description_is_whole() {
     for (name, schema) in document["components"]["schemas"].as_object().unwrap() {
         assert!(said(&schema["description"]), "{name} says what it is");
         for (key, property) in schema["properties"].as_object().into_iter().flatten() {
-            // That of a key that may be null stands beside its type.
+            // The description of a key that may be null is beside its type.
             let one_of = property["oneOf"].as_array().into_iter().flatten();
             let told = std::iter::once(property).chain(one_of).any(|value| said(&value["description"]));
             assert!(told, "{name}.{key} says what it is");
         }
     }
-    // Everything referred to is there.
+    // Every reference resolves.
     let text = doorcam::server::openapi_json();
     for reference in text.split("\"$ref\": \"#").skip(1).map(|rest| rest.split('"').next().unwrap()) {
         assert!(document.pointer(reference).is_some(), "{reference}");

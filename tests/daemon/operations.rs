@@ -1,14 +1,14 @@
-//! What those who run doorcam rely on: the service manager's protocol, logs for programs, manual pages, completions.
+//! What administrators rely on: the service manager's protocol, logs for programs, manual pages, completions.
 
 use crate::common;
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
 use std::os::unix::net::UnixDatagram;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::common::{Daemon, doorcam, grey_recording, manifest, run};
 
-/// The socket of a service manager that we play ourselves.
+/// The test in the role of the service manager, with its notification socket.
 struct Manager {
     dir: tempfile::TempDir,
     socket: UnixDatagram,
@@ -29,7 +29,7 @@ impl Manager {
         Daemon::spawn(command)
     }
 
-    /// The next message; none if there is none in time.
+    /// The next message; none after the time limit.
     fn told(&self) -> Option<String> {
         let mut buffer = [0; 4096];
         let length = self.socket.recv(&mut buffer).ok()?;
@@ -59,13 +59,13 @@ fn the_watchdog_goes_hungry_when_no_more_frames_come() {
     let manager = Manager::new();
     let daemon = manager.start(&format!("replay:{}", recording.path().display()), Duration::from_millis(200));
     daemon.wait_for("the end", |s| s["source"]["state"] == "ended");
-    // What was fed before the end may still lie there.
+    // Notifications sent before the end may still be queued.
     manager.socket.set_read_timeout(Some(Duration::from_millis(400))).unwrap();
     let until = Instant::now() + Duration::from_secs(20);
     while manager.told().is_some() {
         assert!(Instant::now() < until, "still fed");
     }
-    assert_eq!(daemon.get("/livez").0, 200, "the process is well all the same");
+    assert_eq!(daemon.get("/livez").0, 200, "the process still answers");
 }
 
 #[cfg(target_env = "gnu")]
@@ -89,7 +89,7 @@ fn memory_is_handed_back_with_or_without_the_service_manager() {
     };
     let found = environment(&start(None));
     assert!(settings.iter().all(|setting| found.contains(setting)), "{settings:?} in {found:?}");
-    // Who has set one of them has his way with it.
+    // A setting that is already in the environment is kept.
     let found = environment(&start(Some(("MALLOC_ARENA_MAX", "7"))));
     assert!(found.contains(&settings[0]) && found.contains(&"MALLOC_ARENA_MAX=7".to_owned()), "{found:?}");
 }
@@ -100,10 +100,12 @@ fn logs_for_programs_are_an_object_a_line() {
     let source = format!("replay:{}", recording.path().display());
     let arguments = ["serve", "--source", &source, "--listen", "127.0.0.1:0", "--log", "json"];
     let mut child = doorcam(&arguments).stderr(Stdio::piped()).spawn().unwrap();
-    let mut stderr = child.stderr.take().unwrap();
-    std::thread::sleep(Duration::from_millis(1500));
-    Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
     let mut said = String::new();
+    while !said.contains("the page is at") {
+        assert!(stderr.read_line(&mut said).unwrap() > 0, "doorcam ended before it listened: {said}");
+    }
+    Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     stderr.read_to_string(&mut said).unwrap();
     assert!(child.wait().unwrap().success());
     let lines: Vec<serde_json::Value> = said.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
@@ -120,7 +122,7 @@ fn every_command_has_a_manual_page() {
     assert!(output.status.success(), "{}", common::stderr(&output));
     let help = String::from_utf8(run(&["help"]).stdout).unwrap();
     let commands = help.split("Commands:").nth(1).unwrap().split("Options:").next().unwrap();
-    // Descriptions that need more lines go on further to the right.
+    // Continuation lines of descriptions are indented further.
     let names = commands.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   "));
     let names: Vec<&str> = names.filter_map(|line| line.split_whitespace().next()).collect();
     assert!(names.contains(&"serve") && names.contains(&"crb"), "{names:?}");
@@ -139,7 +141,7 @@ fn shells_complete_commands_and_options() {
         let script = String::from_utf8(output.stdout).unwrap();
         assert!(output.status.success() && script.contains("evaluate") && script.contains("listen"), "{shell}");
     }
-    // As bash does it: the words so far, and the one that is being typed.
+    // As bash calls it: with the words so far and the one being typed.
     let ask = "eval \"$(\"$1\" completions bash)\"; COMP_WORDS=(doorcam serv); COMP_CWORD=1; \
                _doorcam doorcam serv doorcam; echo \"${COMPREPLY[@]}\"";
     let output = Command::new("bash").args(["-c", ask, "ask", env!("CARGO_BIN_EXE_doorcam")]).output().unwrap();

@@ -1,11 +1,11 @@
-//! The page as it goes over the wire.
+//! The page's files as the daemon sends them.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::common::{Daemon, grey_recording, manifest};
 
-/// The page's files as the daemon names them; what only the type checker reads is none of them.
+/// The page's files by the names the daemon serves them under, without the one that only the type checker reads.
 fn files(directory: &Path, below: &Path, all: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(directory).unwrap() {
         let path = entry.unwrap().path();
@@ -42,7 +42,7 @@ fn all_of_it_weighs_less_than_200_kb_and_is_what_is_on_the_disk() {
             whole = body;
         }
         assert_eq!(whole, std::fs::read(web.join(name)).unwrap(), "{url}");
-        // Who has it is not sent it again.
+        // A browser that has the file does not get it again.
         let known = agent.get(&url).header("if-none-match", &tag).call().unwrap();
         assert_eq!(known.status().as_u16(), 304, "{url}");
     }

@@ -1,4 +1,4 @@
-//! From a simulated room to tracks: the real program, against the truth.
+//! From a simulated room to tracks: the real program compared with the truth.
 
 use std::path::Path;
 use std::process::Command;
@@ -13,7 +13,7 @@ fn evaluate(recording: &Path) -> serde_json::Value {
     serde_json::from_str(&doorcam(&["evaluate", "--json", recording.to_str().unwrap()])).unwrap()
 }
 
-/// Figures of a scenario, or of a file in `tests/rooms`.
+/// Simulates a scenario (a name or a file in `tests/rooms`) and evaluates it.
 fn simulate(scenario: &str, frames: &str) -> serde_json::Value {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("recording");
@@ -38,13 +38,13 @@ fn two_who_cross_keep_their_tracks() {
     let figures = simulate("two-crossing", "400");
     assert!(number(&figures, "mean_error_m") < 0.1, "{figures}");
     assert!(number(&figures, "missed_share") < 0.1, "{figures}");
-    // For a moment one hides the other from both edges.
+    // For a moment, one person hides the other from both edges.
     assert!(number(&figures, "id_switches") <= 1.0, "{figures}");
     assert!(number(&figures, "ellipse_share") > 0.85, "{figures}");
 }
 
-/// As in the paper, 5.1.3. All four are there and nobody else; with some noise one of them is taken for farther away, so that
-/// distances are not held to anything here (docs/detection.md).
+/// As in section 5.1.3 of the paper. All four people are found and nobody else. Distances are not checked, because with
+/// some noise one of them seems farther away (docs/detection.md).
 #[test]
 fn four_people_at_once_are_followed() {
     let figures = simulate("four-people", "400");
@@ -52,7 +52,8 @@ fn four_people_at_once_are_followed() {
     assert_eq!(figures["false_tracks"], 0, "{figures}");
 }
 
-/// Hardly darker than what is behind, 2 m and more away: the strictest thresholds lose such people first.
+/// A person hardly darker than what is behind, at least 2 m away: thresholds that are too strict lose such people
+/// first.
 #[test]
 fn somebody_faint_and_far_is_followed() {
     let room = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/rooms/faint.toml");
@@ -68,7 +69,7 @@ fn nobody_is_followed_in_an_empty_room() {
     assert_eq!((&figures["tracks"], &figures["false"]), (&0.into(), &0.into()), "{figures}");
 }
 
-/// Path-traced rooms that this program had no part in making.
+/// Path-traced rooms that were rendered by other software.
 #[test]
 fn people_in_rendered_rooms_are_followed() {
     let data = std::env::var_os("DOORCAM_DATA").unwrap_or_else(|| "../shared/data".into());

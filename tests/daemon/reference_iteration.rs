@@ -1,4 +1,4 @@
-//! The published iteration, the reference of `doorcam bench`, comes where the authors' program came.
+//! The published iteration, the reference of `doorcam bench`, reaches the objective of the authors' program.
 
 use crate::common::{data, run, stderr};
 use doorcam_core::light::{Background, PatchPair};
@@ -48,7 +48,7 @@ fn it_reaches_the_authors_objective_and_not_the_solvers() {
         }
         let ours = problem.solver.solve(&frame, lambda, model.limits, None).objective();
         eprintln!("{scene}: published iteration {objective:.5}, the authors' {theirs:.5}, the solver's {ours:.5}");
-        // A little below theirs: b is free in every colour here, in their program it has one colour.
+        // Slightly below theirs, because here b is free in every colour; in their program it has one colour.
         assert!((0.96..=1.0).contains(&(objective / theirs)), "{scene}: {objective} {theirs}");
         assert!(ours <= objective, "{scene}: {ours} {objective}");
     }

@@ -1,4 +1,4 @@
-//! SIGHUP: what can change while doorcam runs changes, and what cannot is named.
+//! SIGHUP: keys that can change while doorcam runs are applied, and the others are named.
 
 use std::path::Path;
 use std::time::Duration;
@@ -12,7 +12,7 @@ fn hang_up(daemon: &Daemon) {
     daemon.signal("HUP");
 }
 
-/// Hangs up and waits until the log has, since then, a line that says so.
+/// Sends SIGHUP and waits until a new line in the log contains `says`.
 fn reload(daemon: &Daemon, says: &str) {
     let before = daemon.log().len();
     hang_up(daemon);
@@ -53,7 +53,7 @@ fn zones_change_a_broken_file_changes_nothing_and_what_takes_a_restart_is_named(
     assert_eq!(names(&daemon), ["sofa"]);
     assert!(metric(&daemon).ends_with(" 0"), "{}", metric(&daemon));
 
-    // The recording has no calibration that could be changed, and so its room cannot, either.
+    // The recording has no calibration that could be changed, so its room cannot be changed either.
     write(&file, &format!("[server]\nmax_connections = 9\n[room]\ndepth_m = 2.5\n{}", zone("sofa")));
     reload(&daemon, "not reloaded, in use after a restart: server.max_connections");
     daemon.wait_for_log("not reloaded: room.depth_m: a recording of rectified patches needs no calibration");
@@ -64,7 +64,7 @@ fn zones_change_a_broken_file_changes_nothing_and_what_takes_a_restart_is_named(
     reload(&daemon, "reloaded: the configuration is the same");
     assert!(metric(&daemon).ends_with(" 1"), "{}", metric(&daemon));
 
-    // What was drawn stays in use.
+    // Zones that were drawn stay in use.
     let drawn = json!({"zones": [{"name": "desk", "polygon_m": [[-1, 1], [1, 1], [1, 2]]}]});
     assert_eq!(daemon.send("PUT", "/api/v1/zones", &drawn).0, 200);
     write(&file, &zone("bed"));
@@ -92,23 +92,22 @@ fn another_room_is_mapped_with_the_same_calibration() {
 
     write(&file, "[room]\ndepth_m = 2.0\n[solver]\nlambda = 0.01\n");
     reload(&daemon, "in use now, and the empty room is learned anew: ");
-    daemon.wait_for("a map of the other room", |status| {
-        status["state"] == "watching" && daemon.json("/api/v1/reconstruction")["calibration"] == 1
+    let update = daemon.wait_for_update("a map of the other room", |update| {
+        update["state"] == "watching" && update["calibration"] == 1
     });
+    assert_eq!(update["solution"]["lambda"], 0.01);
     let after = daemon.json("/api/v1/geometry");
     assert_eq!((&after["room"]["depth_m"], &after["calibration"]), (&json!(2.0), &json!(1)));
     assert!(after["facets"].as_array().unwrap().len() < before["facets"].as_array().unwrap().len());
-    let update = daemon.json("/api/v1/reconstruction");
-    assert_eq!((&update["solution"]["lambda"], &update["calibration"]), (&json!(0.01), &json!(1)));
     assert_eq!(daemon.json("/api/v1/config")["room"]["depth_m"], 2.0);
 
-    // A grid that this doorway cannot have leaves the map as it is.
+    // A grid that does not fit this doorway leaves the map as it is.
     write(&file, "[room]\nhalf_width_m = 0.1\n");
     reload(&daemon, "not reloaded: ");
     assert_eq!(daemon.json("/api/v1/geometry"), after);
 }
 
-/// The status of the answer to a holder of a token, or of a session.
+/// The status code for a request with a token or a session in a header.
 fn asked_with(daemon: &Daemon, header: &str, value: &str) -> u16 {
     let config =
         ureq::Agent::config_builder().http_status_as_error(false).timeout_global(Some(Duration::from_secs(20)));

@@ -1,4 +1,4 @@
-//! The real program simulates doorways: recordings with truth, live sources, and what it says of wrong input.
+//! The real program simulates doorways: recordings with truth, live sources, and errors about wrong input.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use doorcam_core::scene::Rgb;
 use doorcam_source::recording::{Layout, Recording};
 use doorcam_source::truth::Truth;
 
-/// A scenario that takes little time: a person in black stands on the left.
+/// A short scenario: a person in black stands on the left.
 const QUICK: &str = r#"
 description = "somebody on the left"
 fps = 10
@@ -86,7 +86,7 @@ fn a_recording_reconstructs_to_somebody_where_the_truth_says() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let updates: Vec<serde_json::Value> =
         String::from_utf8(output.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    // The change of both views together, by frames: none before he comes, darker then.
+    // The unified change of a frame, summed: none before the person comes, then darker.
     let sum = |frame: u64| {
         let update = updates.iter().find(|u| u["frame"] == frame).unwrap();
         let facets = update["facets"].as_array().unwrap().iter();
@@ -109,14 +109,14 @@ fn the_same_seed_gives_the_same_files() {
             files.push(entry.unwrap().path());
         }
         files.sort();
-        assert_eq!(files.len(), 45, "beyond its end a scenario begins again");
+        assert_eq!(files.len(), 45, "after its end a scenario begins again");
         files.extend(["recording.json", "timestamps.csv", "truth.json"].map(|name| out.join(name)));
         files.into_iter().map(|file| std::fs::read(file).unwrap()).collect::<Vec<_>>()
     };
     let (first, again, other) = (files("a", "7"), files("b", "7"), files("c", "8"));
     assert!(first == again);
     assert!(first.iter().zip(&other).take(45).all(|(a, b)| a != b));
-    assert!(first[0] != first[40], "another round has other noise");
+    assert!(first[0] != first[40], "the noise differs between rounds");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The bound on the camera that there is: live over the room, and as the yardstick of an evaluation.
+//! The Cramér-Rao bound of the actual camera: live over the room, and as the yardstick of an evaluation.
 
 use std::path::Path;
 
@@ -27,11 +27,11 @@ fn the_measured_noise_becomes_a_map_of_the_room() {
     assert_eq!((errors.len(), errors[0].len()), (y.len(), x.len()));
     let half = geometry["room"]["half_width_m"].as_f64().unwrap();
     assert!(x.iter().all(|v| v.abs() < half) && y.iter().all(|v| *v > 0.0));
-    // Straight ahead it is seen well near the door, and worse step by step.
+    // Straight ahead, the error is small near the door and grows with every step.
     let ahead = x.iter().position(|v| v.abs() < 0.1).unwrap();
     let along: Vec<f64> = (0..y.len()).filter(|&k| y[k] > 0.8).map(|k| errors[k][ahead].unwrap()).collect();
     assert!(along[0] > 0.0 && along[0] < 0.2 && along.windows(2).all(|pair| pair[1] > pair[0]), "{along:?}");
-    // It is made once for a background.
+    // It is computed once per background.
     assert_eq!(daemon.json("/api/v1/uncertainty"), map);
 }
 
@@ -55,7 +55,7 @@ fn an_evaluation_tells_what_could_have_been_attained() {
         let figures: Value = serde_json::from_slice(&output.stdout).unwrap();
         let number = |key: &str| figures[key].as_f64().unwrap_or_else(|| panic!("{key} of {figures}"));
         let (bound, rmse) = (number("bound_m"), number("rmse_m"));
-        assert!(bound > 0.0 && bound < 1.1 * rmse, "nobody does much better than that: {figures}");
+        assert!(bound > 0.0 && bound < 1.1 * rmse, "the RMSE cannot be much below the bound: {figures}");
         assert!((number("efficiency") * rmse / bound - 1.0).abs() < 1e-9, "{figures}");
     }
     let output = run(&["evaluate", "--json", "--preset", "published", &path]);

@@ -1,4 +1,4 @@
-//! Events, posted to whoever wants them: signed, tried again, given up.
+//! Events posted to webhooks: signed, tried again, given up.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -13,14 +13,14 @@ use serde_json::Value;
 const SECRET: &str = "a secret that nobody guesses";
 const LONG: Duration = Duration::from_secs(60);
 
-/// What was posted.
+/// A received POST.
 struct Posted {
     path: String,
     headers: BTreeMap<String, String>,
     body: String,
 }
 
-/// A receiver that answers its first requests with these codes, and then with 204.
+/// Starts a receiver that answers its first requests with `answers`, and further ones with 204.
 fn receiver(answers: &'static [&'static str]) -> (u16, Receiver<Posted>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = listener.local_addr().unwrap().port();
@@ -52,7 +52,7 @@ fn receiver(answers: &'static [&'static str]) -> (u16, Receiver<Posted>) {
     (port, posted)
 }
 
-/// HMAC-SHA256 by another program.
+/// HMAC-SHA256 as computed by another program.
 fn openssl(text: &str) -> String {
     let mut child = Command::new("openssl")
         .args(["dgst", "-sha256", "-hmac", SECRET])
@@ -75,12 +75,13 @@ fn events_are_posted_signed_and_tried_again_until_they_are_accepted() {
     let file = directory.path().join("doorcam.toml");
     let hook = |port: u16, events: &str| {
         format!(
-            "[[webhooks]]\nurl = \"http://127.0.0.1:{port}/hook/t0ken?key=k3y\"\nevents = {events}\nsecret_file = {secret:?}\n"
+            "[[webhooks]]\nurl = \"http://127.0.0.1:{port}/hook/t0ken?key=k3y\"\nevents = {events}\n\
+             secret_file = {secret:?}\n"
         )
     };
     let hooks = format!("[site]\nid = \"hall\"\n{}{}", hook(port, "[\"enter\"]"), hook(gone, "[]"));
     std::fs::write(&file, hooks).unwrap();
-    let daemon = Daemon::start("simulate:busy-doorway,rate=max", &["--config", file.to_str().unwrap()]);
+    let daemon = Daemon::start("simulate:tests/rooms/busy.toml,rate=max", &["--config", file.to_str().unwrap()]);
 
     let attempts: Vec<Posted> = (0..4).map(|_| posted.recv_timeout(LONG).expect("a request")).collect();
     let events: Vec<Value> = attempts.iter().map(|posted| serde_json::from_str(&posted.body).unwrap()).collect();
@@ -89,7 +90,7 @@ fn events_are_posted_signed_and_tried_again_until_they_are_accepted() {
         let signature = format!("sha256={}", openssl(&format!("{}.{body}", headers["x-doorcam-timestamp"])));
         assert_eq!(headers["x-doorcam-signature"], signature);
     }
-    // Twice in vain, then accepted: the same event each time, and only then the next one.
+    // The first event fails twice and is then accepted; only then comes the next one.
     let delivery = |k: usize| attempts[k].headers["x-doorcam-delivery"].as_str();
     assert_eq!((delivery(0), &events[0]), (delivery(2), &events[2]));
     assert_eq!(delivery(0), delivery(1));
@@ -100,7 +101,7 @@ fn events_are_posted_signed_and_tried_again_until_they_are_accepted() {
     let known = daemon.json("/api/v1/events?from=2000-01-01T00:00:00Z&kind=enter&limit=1");
     assert_eq!(known["events"][0]["sequence"], sequence);
 
-    // What a receiver does not want is not offered again.
+    // An event that a receiver rejects for good is not sent again.
     let first: Value = serde_json::from_str(&given_up.recv_timeout(LONG).expect("a request").body).unwrap();
     let second: Value = serde_json::from_str(&given_up.recv_timeout(LONG).expect("a request").body).unwrap();
     assert!(second["event"]["sequence"].as_u64() > first["event"]["sequence"].as_u64());

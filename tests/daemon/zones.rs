@@ -1,4 +1,4 @@
-//! Zones that are drawn on a running daemon.
+//! Zones that are drawn while the daemon runs.
 
 use std::path::Path;
 
@@ -53,7 +53,7 @@ fn drawn_zones_are_used_kept_and_forgotten() {
 fn what_is_no_zone_is_refused_and_nothing_changes() {
     let directory = tempfile::tempdir().unwrap();
     let source = grey_recording(&manifest(), 4);
-    // Without a storage directory of its own, a replay keeps its zones to itself.
+    // Without a storage directory of its own, a replay does not save its zones.
     let daemon =
         Daemon::start(&format!("replay:{},loop", source.path().display()), &["--config", &config(directory.path())]);
     let square = [[0, 1], [1, 1], [1, 2], [0, 2]];

@@ -8,7 +8,7 @@ const KEPT = MINUTES * 60;
  * @typedef {object} Sample
  * @property {number | null} captured  frames a second
  * @property {number | null} solved  the same
- * @property {number | null} missing  frames that were dropped, lost or skipped in this second
+ * @property {number | null} missing  frames that were dropped, lost, skipped or failed in this second
  * @property {number | null} solveMs
  * @property {number | null} latencyMs  from capture to the picture on this screen
  * @property {number | null} gap  percent
@@ -88,7 +88,7 @@ export class Samples {
 }
 
 /** @param {Status} status */
-const missingOf = ({ frames }) => frames.dropped + frames.skipped + frames.lost;
+const missingOf = ({ frames }) => frames.dropped + frames.skipped + frames.lost + (frames.failed ?? 0);
 
 /** @param {number[]} values */
 const mean = (values) => (values.length === 0 ? null : values.reduce((sum, value) => sum + value, 0) / values.length);

@@ -46,7 +46,8 @@ export class UncertaintyLayer {
       this.#show();
     }
     // Unless somebody wants to know why not, it is asked for only where there is an answer.
-    const known = update?.state === "watching" && update.model !== "published";
+    const known =
+      update?.state === "watching" && update.model !== "published" && update.calibration === calibration;
     if (!connected || calibration === null || this.asking || (!known && !this.box.checked)) return;
     if (nowS - this.askedS < (this.box.checked ? PERIOD_S : QUIET_PERIOD_S)) return;
     this.askedS = nowS;

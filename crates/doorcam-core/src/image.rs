@@ -1,15 +1,15 @@
 //! Decoded images.
 
-/// Sample values as the file has them, red, green, blue interleaved, row by row from the top left.
+/// Sample values as stored in the file: red, green and blue interleaved, row by row from the top left.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Samples {
-    /// 8 bits a sample.
+    /// 8 bits per sample.
     Eight(Vec<u8>),
-    /// 16 bits a sample.
+    /// 16 bits per sample.
     Sixteen(Vec<u16>),
 }
 
-/// A decoded image; grey images have three equal channels, transparency is dropped.
+/// A decoded image. Grey images have three equal channels; transparency is dropped.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Image {
     /// Pixels across.
@@ -26,7 +26,8 @@ impl Image {
         Self { width: 0, height: 0, samples: Samples::Eight(Vec::new()) }
     }
 
-    /// Makes this an image of 8 bits a sample, in the same buffer if it was one; its samples, to write to.
+    /// Makes this an image with 8 bits per sample and returns the samples for writing. Reuses the buffer of an 8-bit
+    /// image.
     pub fn eight_mut(&mut self, width: usize, height: usize) -> &mut [u8] {
         (self.width, self.height) = (width, height);
         if matches!(self.samples, Samples::Sixteen(_)) {
@@ -41,7 +42,8 @@ impl Image {
         }
     }
 
-    /// Makes this an image of 16 bits a sample, in the same buffer if it was one; its samples, to write to.
+    /// Makes this an image with 16 bits per sample and returns the samples for writing. Reuses the buffer of a 16-bit
+    /// image.
     pub fn sixteen_mut(&mut self, width: usize, height: usize) -> &mut [u16] {
         (self.width, self.height) = (width, height);
         if matches!(self.samples, Samples::Eight(_)) {

@@ -1,10 +1,10 @@
-//! What has to be known of a camera to measure with it: its transfer function, its lens, points on the floor.
+//! The camera properties that measuring needs: transfer function, lens, points on the floor.
 
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::Point;
 
-/// The transfer function with which images are encoded: from codes to light.
+/// The transfer function that images are encoded with: how codes map to light.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
@@ -13,26 +13,26 @@ pub enum Transfer {
     Srgb,
     /// Codes are proportional to light.
     Linear,
-    /// Light is the code, full scale 1, to this power.
+    /// Light is the code (full scale 1) raised to this power.
     Gamma(f64),
-    /// Measured: relative light at equally spaced codes from 0 to full scale, with straight lines between them. Light at
-    /// full scale counts as 1.
+    /// Measured: relative light at equally spaced codes from 0 to full scale, linear in between. Light at full scale
+    /// counts as 1.
     Curve(Vec<f64>),
 }
 
-/// A transfer function that no camera has. It names the key and says what was expected.
+/// A transfer function that no camera has. The message names the key and says what was expected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TransferError {
     /// A power that is not positive.
     #[error("transfer.gamma is {0}, expected a number above 0")]
     Gamma(f64),
-    /// Not enough values.
+    /// Fewer than two values.
     #[error("transfer.curve has {0} values, expected at least 2: the light at code 0 and at full scale")]
     CurveTooShort(usize),
-    /// A value below the one before it, below 0 or not a number.
+    /// A value that is below the one before it, negative or not finite.
     #[error("transfer.curve[{at}] is {value}, expected a number of 0 or above, not below the value before it")]
     CurveFalls {
-        /// Which value.
+        /// Index of the value.
         at: usize,
         /// The value.
         value: f64,
@@ -43,7 +43,11 @@ pub enum TransferError {
 }
 
 impl Transfer {
-    /// Checks that it is one that a camera can have.
+    /// Checks that a camera can have this transfer function.
+    ///
+    /// # Errors
+    ///
+    /// If the power is not positive, or the curve is too short, falls or is flat.
     pub fn validate(&self) -> Result<(), TransferError> {
         match self {
             Transfer::Srgb | Transfer::Linear => Ok(()),
@@ -65,7 +69,7 @@ impl Transfer {
         }
     }
 
-    /// Light of a code; both are 1 at full scale.
+    /// Linear light of a code; both are 1 at full scale.
     pub fn light(&self, code: f64) -> f64 {
         match self {
             Transfer::Linear => code,
@@ -83,22 +87,22 @@ impl Transfer {
     }
 }
 
-/// The sRGB transfer function undone (IEC 61966-2-1), full scale 1.
+/// Inverse of the sRGB transfer function (IEC 61966-2-1), full scale 1.
 fn srgb_to_linear(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Radial distortion as OpenCV has it: an ideal image position at x = (u − c) / f from the centre of the image is seen at
-/// x (1 + k1 r² + k2 r⁴), r = |x|.
+/// Radial distortion in OpenCV's form: an ideal image position x = (u − c) / f, with c the centre of the image, is seen
+/// at x (1 + k1 r² + k2 r⁴), r = |x|.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Lens {
-    /// Coefficient of r²; below 0 for a barrel.
+    /// Coefficient of r²; negative for barrel distortion.
     pub k1: f64,
     /// Coefficient of r⁴.
     #[serde(default)]
     pub k2: f64,
-    /// Focal length f in pixels; none for the width of the image.
+    /// Focal length f in pixels; the width of the image if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focal_px: Option<f64>,
 }
@@ -123,7 +127,7 @@ mod tests {
 
     #[test]
     fn srgb_is_the_standard_curve() {
-        // Values of IEC 61966-2-1: the knee, middle grey 0.5, full scale.
+        // Values of IEC 61966-2-1: the knee, code 0.5, full scale.
         assert!((srgb_to_linear(0.04045) - 0.003_130_8).abs() < 1e-7);
         assert!((srgb_to_linear(0.5) - 0.214_041_14).abs() < 1e-8);
         assert_eq!(srgb_to_linear(1.0), 1.0);
@@ -164,7 +168,10 @@ mod tests {
     proptest! {
         #[test]
         fn light_grows_with_the_code_from_dark_to_full_scale(
-            steps in proptest::collection::vec(0.0..1.0f64, 1..20), gamma in 0.1..5.0f64, code in 0.0..1.0f64, more in 0.0..1.0f64,
+            steps in proptest::collection::vec(0.0..1.0f64, 1..20),
+            gamma in 0.1..5.0f64,
+            code in 0.0..1.0f64,
+            more in 0.0..1.0f64,
         ) {
             let mut curve = vec![0.0];
             curve.extend(steps.iter().scan(0.0, |sum, step| { *sum += step; Some(*sum) }));

@@ -2,10 +2,10 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// A rule for integrals over an interval at whose ends the integrand may behave like a square root, as the distance to a
-/// cylinder does at its outline.
+/// A rule for integrands that may behave like a square root at the ends of the interval, as the distance to a cylinder
+/// does at its outline.
 ///
-/// Gauss-Legendre in u after x = sin(π u / 2): the substitution turns the square roots into smooth functions of u, on
+/// Gauss-Legendre in u with x = sin(π u / 2): the substitution turns the square roots into smooth functions of u, for
 /// which Gauss-Legendre converges exponentially.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Quadrature {
@@ -23,7 +23,7 @@ impl Quadrature {
         Self { nodes: nodes.collect() }
     }
 
-    /// The positions in [from, to] and their weights.
+    /// Positions in [from, to] with their weights.
     pub fn over(&self, from: f64, to: f64) -> impl Iterator<Item = (f64, f64)> + '_ {
         let (middle, half) = ((from + to) / 2.0, (to - from) / 2.0);
         self.nodes.iter().map(move |&(x, weight)| (middle + half * x, half * weight))
@@ -34,7 +34,7 @@ impl Quadrature {
 pub fn gauss_legendre(n: usize, k: usize) -> (f64, f64) {
     let mut x = (PI * (k as f64 + 0.75) / (n as f64 + 0.5)).cos();
     let mut slope = 1.0;
-    // From this start every zero of n <= 1000 is exact to rounding within five steps.
+    // From this start, every zero for n <= 1000 is exact to rounding within five steps.
     for _ in 0..8 {
         let (mut before, mut value) = (1.0, x);
         for m in 2..=n {
@@ -53,7 +53,7 @@ mod tests {
 
     #[test]
     fn integrals_with_square_roots_at_the_ends_converge() {
-        // Half a disc of radius 0.3 around 0.7, and one that is smooth.
+        // Half a disc of radius 0.3 around 0.7, then a smooth integrand.
         let root = |n| {
             let rule = Quadrature::new(n);
             rule.over(0.4, 1.0).map(|(x, w)| w * (0.09 - (x - 0.7) * (x - 0.7)).max(0.0).sqrt()).sum::<f64>()

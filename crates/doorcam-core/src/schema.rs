@@ -1,20 +1,21 @@
-//! Shapes of plain arrays in JSON, for the API's description: the program's own types for them are aliases, which have no
-//! name to be described by.
+//! Shapes of plain JSON arrays for the API description: the program's own types for them are aliases, which have no
+//! name in the schema.
 #![expect(dead_code, reason = "only their shapes matter")]
 
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// A place on the floor plan: `[x, y]` in the door frame, in metres. The origin is on the floor in the middle of the opening,
-/// in the wall's hidden face; x to the right for who faces the door from the visible side, y into the hidden room.
+/// A place on the floor plan: `[x, y]` in the door frame, in metres. The origin is on the floor in the middle of the
+/// opening, in the plane of the wall's hidden face; x points to the right for someone on the visible side who faces the
+/// door, y into the hidden room.
 #[derive(ToSchema)]
 pub struct Point(f64, f64);
 
-/// A position in the camera's image: `[u, v]` in pixels, `[0, 0]` the centre of the top-left pixel.
+/// A position in the camera's image: `[u, v]` in pixels; `[0, 0]` is the centre of the top-left pixel.
 #[derive(ToSchema)]
 pub struct Pixel(f64, f64);
 
-/// Two numbers, one for each axis.
+/// Two numbers, one per axis.
 #[derive(ToSchema)]
 pub struct Pair(f64, f64);
 
@@ -35,7 +36,7 @@ pub struct Row(f64, f64);
 #[schema(min_items = 2, max_items = 2)]
 pub struct Covariance(Vec<Row>);
 
-/// The ends of a facet on the floor plan.
+/// The two ends of a facet on the floor plan.
 #[derive(ToSchema)]
 #[schema(min_items = 2, max_items = 2)]
 pub struct Segment(Vec<Point>);

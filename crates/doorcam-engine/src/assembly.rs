@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use doorcam_core::calibration::{Calibration, Check};
 use doorcam_core::geometry::Doorway;
+use doorcam_source::RawFrame;
 use doorcam_source::recording::Manifest;
 
 use crate::background::BackgroundStore;
@@ -24,7 +25,11 @@ pub struct Assembly {
     /// The first numbers of tracks and events.
     first: [u64; 2],
     calibration: u32,
+    fault: Option<Fault>,
 }
+
+/// Told of each frame before it is worked on; it may panic.
+type Fault = Arc<dyn Fn(&RawFrame) + Send + Sync>;
 
 /// What becomes of the background.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,6 +65,7 @@ impl Assembly {
             kept: None,
             first: [1, 0],
             calibration: 0,
+            fault: None,
         }
     }
 
@@ -109,6 +115,18 @@ impl Assembly {
     pub fn of_calibration(mut self, revision: u32) -> Self {
         self.calibration = revision;
         self
+    }
+
+    /// Tells `fault` of each frame before it is worked on. Tests make it panic, to see what becomes of the engine.
+    pub fn with_fault(mut self, fault: impl Fn(&RawFrame) + Send + Sync + 'static) -> Self {
+        self.fault = Some(Arc::new(fault));
+        self
+    }
+
+    pub(crate) fn meet(&self, frame: &RawFrame) {
+        if let Some(fault) = &self.fault {
+            fault(frame);
+        }
     }
 
     /// What a calibration would be worth.

@@ -13,39 +13,40 @@ use doorcam_core::solver::{
 use doorcam_source::recording::Manifest;
 use doorcam_source::{Purpose, RawFrame, SkippedFrame};
 
-/// Frames after the empty room that are looked at, at most: they are kept in memory, still encoded.
+/// Maximum number of frames after the empty room that are used: they are kept in memory, still encoded.
 pub const BENCH_FRAMES: usize = 200;
-/// Times that a stage is measured, at least: frames are used again, there and back, so that each follows its neighbour.
+/// Minimum number of times that a stage is measured. Frames are visited forwards and backwards in turn, so that each
+/// follows a neighbour.
 const VISITS: usize = 200;
-/// Steps of the published iteration that are run; the time is scaled to all of them.
+/// Steps of the published iteration that are run; the time is scaled to [`PublishedIteration::STEPS`].
 const PUBLISHED_STEPS: usize = 500;
-/// Frames that the published iteration is run on.
+/// Number of frames on which the published iteration is run.
 const PUBLISHED_FRAMES: usize = 5;
 
-/// How long each stage of a frame takes, in milliseconds; as JSON, what `doorcam bench --json` prints.
+/// How long each stage of a frame takes, in milliseconds. As JSON, this is what `doorcam bench --json` prints.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BenchReport {
-    /// Aᵀy.
+    /// Calculating Aᵀy.
     pub project_ms: Quantiles,
     /// Solving eq. 13 from the empty map.
     pub cold_ms: Quantiles,
     /// Solving it from the neighbouring frame's map.
     pub warm_ms: Quantiles,
-    /// From the encoded frame to the serialised update, warm.
+    /// From the encoded frame to the serialised update, with a warm start.
     pub frame_ms: Quantiles,
-    /// The authors' 20,000 accelerated steps in Gram form, scaled from fewer.
+    /// The authors' 20,000 accelerated steps in Gram form, extrapolated from fewer.
     pub published_iteration_ms: Median,
     /// Facets of the grid, N.
     pub facets: usize,
-    /// Pixels that count, both patches together, M.
+    /// Pixels that count in both patches together, M.
     pub pixels: usize,
-    /// Geometry and light transport, once for a doorway.
+    /// Building geometry and light transport, once per doorway.
     #[serde(skip)]
     pub model_ms: f64,
-    /// Noise, projection and Gram matrices, once for a background.
+    /// Building noise model, projection and Gram matrices, once per background.
     #[serde(skip)]
     pub problem_ms: f64,
-    /// Frames that were solved; those with nothing to see are left out, unless there are no others.
+    /// Frames that were solved. Frames whose map is empty are left out, unless all are.
     #[serde(skip)]
     pub frames: usize,
     /// Frames that could not be used.
@@ -53,32 +54,32 @@ pub struct BenchReport {
     pub skipped: Vec<SkippedFrame>,
 }
 
-/// Of many measured times.
+/// Quantiles of many measured times.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Quantiles {
-    /// Half of them are at most this.
+    /// Median.
     pub p50: f64,
-    /// 99 of 100 are.
+    /// 99th percentile.
     pub p99: f64,
 }
 
-/// Of a few measured times.
+/// Median of a few measured times.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Median {
-    /// Half of them are at most this.
+    /// Median.
     pub p50: f64,
 }
 
-/// Why nothing was measured.
+/// Why nothing could be measured.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
-    /// The recording and the configuration do not fit.
+    /// The recording and the configuration do not fit together.
     #[error(transparent)]
     Setup(#[from] SetupError),
-    /// A frame that could be read cannot be solved.
+    /// A frame was read but cannot be solved.
     #[error(transparent)]
     Projection(#[from] ProjectionError),
-    /// The frame loop refused a frame that could be read before.
+    /// The frame loop refused a frame that was read before.
     #[error(transparent)]
     Step(#[from] StepError),
     /// Every frame after the empty room is broken.
@@ -86,8 +87,12 @@ pub enum BenchError {
     NoFrames,
 }
 
-/// Measures every stage on a recording's frames: the empty room's first, then those to solve. `progress` is told how much
-/// of how much is done, never while something is measured.
+/// Measures every stage on a recording's frames: the empty room's first, then those to solve. `progress(done, all)` is
+/// called between measurements, never during one.
+///
+/// # Errors
+///
+/// If recording and configuration do not fit together, or if no frame can be read or solved.
 pub fn bench(
     settings: &Settings,
     manifest: &Manifest,
@@ -131,7 +136,7 @@ pub fn bench(
     })
 }
 
-/// The problem of a recording and what its frames say.
+/// A recording's problem and its projected frames.
 struct Measured<'a> {
     problem: Problem,
     problem_time: Duration,
@@ -191,7 +196,7 @@ fn project<'a>(
         times.push(start.elapsed());
         if t == projected.len() {
             let lambda_max = problem.solver.lambda_max(&correlations);
-            // Without the room for pixels that the projection's own correlations have.
+            // Without the workspace over pixels that the projection's own correlations hold.
             let correlations = Correlations::new(correlations.rhs.clone(), correlations.energy);
             projected.push(Projected { frame: others[t], correlations, lambda_max });
         }
@@ -200,7 +205,7 @@ fn project<'a>(
     Ok(Measured { problem, problem_time, background, empty, projected, times, skipped })
 }
 
-/// Measures λ and the solution of every frame.
+/// Measures choosing λ and solving, for each visit of a frame.
 fn solve(
     model: &Model,
     problem: &Problem,
@@ -218,7 +223,7 @@ fn solve(
         solver.solve_into(correlations, lambda, model.limits, from, &mut workspace, &mut solution);
         start.elapsed()
     };
-    // The first one grows the workspace, and it has no frame before it to start from.
+    // Not measured: it grows the workspace, and gives the first visit a map to start from.
     visit(there_and_back(frames.len()).nth(1).unwrap_or(0));
     let timed = |t| {
         let time = visit(t);
@@ -228,7 +233,8 @@ fn solve(
     there_and_back(frames.len()).take(visits).map(timed).collect()
 }
 
-/// Measures the published iteration on some frames, with columns as the authors have them, and scales it to all steps.
+/// Measures the published iteration on some frames, with unscaled columns as the authors have them, and scales the time
+/// to all steps.
 fn published_iteration(
     model: &Model,
     reader: &mut FrameReader,
@@ -260,7 +266,7 @@ fn published_iteration(
     Ok(times)
 }
 
-/// Measures the frame loop.
+/// Measures the whole frame loop.
 fn whole_frames(
     mut engine: Engine,
     empty: &[&RawFrame],
@@ -268,7 +274,7 @@ fn whole_frames(
     visits: usize,
     each: &mut impl FnMut(),
 ) -> Result<Vec<Duration>, BenchError> {
-    // After the empty room, one frame that is not measured: the problem is built then.
+    // After the empty room, one frame that is not measured: it builds the problem.
     let before = there_and_back(frames.len()).nth(1).unwrap_or(0);
     for &frame in empty.iter().chain([&frames[before].frame]) {
         engine.step(frame, Timestamp::UNIX_EPOCH)?;
@@ -283,13 +289,13 @@ fn whole_frames(
     there_and_back(frames.len()).take(visits).map(timed).collect()
 }
 
-/// 0, 1, .. count − 1, count − 2, .. 0, 1, .. without end.
+/// 0, 1, .., count − 1, count − 2, .., 1, 0, 1, .. endlessly.
 fn there_and_back(count: usize) -> impl Iterator<Item = usize> {
     let period = (2 * count).saturating_sub(2).max(1);
     (0..period).map(move |t| t.min(period - t)).cycle()
 }
 
-/// The smallest times that half and 99 of 100 do not exceed.
+/// Median and 99th percentile: the smallest measured times that this share of them does not exceed.
 fn quantiles(times: &[Duration]) -> Quantiles {
     let mut sorted = times.to_vec();
     sorted.sort_unstable();

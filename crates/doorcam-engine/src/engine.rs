@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 use jiff::Timestamp;
 
 use crate::assembly::{BackgroundPlan, Parts};
-use crate::background::{Job, Keeper, KeeperError, Seen, Spaced, Work};
+use crate::background::{FrameLight, Job, Keeper, KeeperError, Spaced, Work};
 use crate::people::People;
 use crate::{FrameReader, ReadTimes, Reconstruction, Reconstructor, State, Timing, Update};
 use crate::{Published, Watched};
@@ -101,6 +101,20 @@ impl Engine {
         }
     }
 
+    /// Makes everything anew from what this engine was set up with, after a panic that may have left something half done. The
+    /// background and all numbers go on; nobody is followed from before to after.
+    pub fn rebuild(&mut self) {
+        let mut broken = std::mem::replace(self, Self::assemble(self.parts.clone()));
+        if let (Some(keeper), Some(before)) = (&mut self.keeper, broken.keeper.take()) {
+            keeper.resume(before, &mut self.reconstructor);
+        }
+        if self.keeper.as_ref().is_none_or(Keeper::wants_given) {
+            self.reconstructor.restore_background(broken.reconstructor.take_background());
+        }
+        self.watching = broken.watching;
+        self.continue_from(broken);
+    }
+
     /// Counts people in other zones from now on.
     pub fn use_zones(&mut self, zones: Vec<Zone>) {
         if let Some(people) = &mut self.people {
@@ -133,6 +147,7 @@ impl Engine {
     /// Until the first frame after the background: learns from what shows the empty room. From then on: reconstructs.
     pub fn step(&mut self, frame: &RawFrame, time: Timestamp) -> Result<Published, StepError> {
         let start = Instant::now();
+        self.parts.plan.meet(frame);
         let read = self.reader.read(frame, &mut self.pair)?;
         let model = self.reconstructor.model().clone();
         let (pair, excess) = self.averager.push(&self.pair, frame.seconds);
@@ -150,7 +165,8 @@ impl Engine {
                     Some(map.ok_or(StepError::NoBackground)?)
                 }
                 Some(keeper) => {
-                    let seen = Seen { raw: &self.pair, pair, excess, seconds: frame.seconds, purpose: frame.purpose };
+                    let seen =
+                        FrameLight { raw: &self.pair, pair, excess, seconds: frame.seconds, purpose: frame.purpose };
                     keeper.step(&seen, &mut self.reconstructor).map_err(|e| e.of(&frame.name))?
                 }
             }

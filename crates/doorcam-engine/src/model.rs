@@ -10,13 +10,13 @@ use doorcam_core::tracking::likelihood::BodyTable;
 use doorcam_core::transport::edge_foot_mask;
 use doorcam_core::transport::{PatchGrid, PixelLayout, Transport, TransportSpec};
 
-/// Why a configuration and a doorway do not make a model.
+/// Why a configuration and a doorway do not make a valid model.
 #[derive(Debug, thiserror::Error)]
 pub enum SetupError {
     /// Doorway, room and grid do not fit together.
     #[error(transparent)]
     Geometry(#[from] GeometryError),
-    /// The calibration does not fix the camera.
+    /// The calibration does not determine the camera.
     #[error(transparent)]
     Calibration(#[from] doorcam_core::calibration::CalibrationError),
     /// Too much of a patch is excluded.
@@ -40,18 +40,19 @@ pub enum SetupError {
         seen: usize,
         /// Pixels of the patch.
         all: usize,
-        /// Its side in metres.
+        /// Its side, in metres.
         fov_m: f64,
     },
 }
 
-/// A person's height: near enough for everybody who stands.
+/// Height of a person, in metres: accurate enough for anybody who stands.
 const BODY_HEIGHT_M: f64 = 1.7;
 
-/// Fewer pixels than this cannot tell facets apart.
+/// With fewer pixels than this, facets cannot be told apart.
 const LEAST_PIXELS: usize = 64;
 
-/// Everything that is known before the first frame: geometry, transport and what the configuration asks for.
+/// Everything that is known before the first frame: geometry, transport, and the choices of the configuration.
+/// Positions are in the door frame, in metres.
 #[derive(Debug, Clone)]
 pub struct Model {
     /// The doorway.
@@ -60,35 +61,36 @@ pub struct Model {
     pub grid: FacetGrid,
     /// The floor patches.
     pub patch: PatchGrid,
-    /// What A_L and A_R are worked out by.
+    /// How A_L and A_R (eq. 12) are calculated.
     pub transport: TransportSpec,
-    /// Per side, the pixels that count: seen, and not at the foot of the edge.
+    /// Per side and pixel, row by row from the wall, whether the pixel counts: seen, not excluded and not at the foot
+    /// of the edge.
     pub counted: [Vec<bool>; 2],
     /// Which changes a facet may show.
     pub kind: ModelKind,
     /// λ of eq. 13.
     pub lambda: Lambda,
-    /// Automatic λ: times what noise reaches.
+    /// Automatic λ: factor on what the noise reaches.
     pub lambda_factor: f64,
-    /// Automatic λ: share of the strongest facet's wish.
+    /// Automatic λ: smallest share of the frame's λ_max.
     pub lambda_share: f64,
     /// When the solver stops.
     pub limits: Limits,
     /// Which facets are neighbours.
     pub neighbourhood: Neighbourhood,
-    /// The pixels that count, gathered by angle.
+    /// The counted pixels, gathered by angle around the edges.
     pub fans: FanPair,
     /// A person's radius, in metres.
     pub body_radius_m: f64,
     bodies: OnceLock<BodyTable>,
     /// t of eq. 15, relative to the largest |c|.
     pub unified_threshold: f64,
-    /// Which brightness figures show.
+    /// Which brightness the figures show.
     pub brightness: Brightness,
 }
 
 impl Model {
-    /// The patches that a configuration asks for, no larger than what the source shows.
+    /// The patches that a configuration asks for, no larger than the side of floor that the source shows, in metres.
     pub fn patch_grid(settings: &Settings, shown_fov_m: Option<f64>) -> PatchGrid {
         PatchGrid {
             size: settings.patch.pixels,
@@ -100,7 +102,11 @@ impl Model {
         }
     }
 
-    /// Builds the model of a doorway. `seen` tells, per side and pixel, what the source shows at all.
+    /// Builds the model of a doorway. `seen` tells, per side and pixel, what the source shows; `None` if all of it.
+    ///
+    /// # Errors
+    ///
+    /// If doorway, room and grid do not fit together, or if fewer than 64 pixels of a patch count.
     pub fn new(
         settings: &Settings,
         doorway: Doorway,
@@ -146,19 +152,20 @@ impl Model {
         })
     }
 
-    /// A_L and A_R. Worked out anew each time: they are by far the largest thing here, and only wanted while a problem is set up.
+    /// A_L and A_R, calculated anew each time: they are by far the largest data here and only needed to build a
+    /// problem.
     pub fn matrices(&self) -> Transport {
         Transport::new(&self.doorway, &self.grid.facets, &self.transport)
     }
 
-    /// What people anywhere in the room do to the patches. Worked out when it is first asked for.
+    /// How people anywhere in the room change the patches; calculated on first use.
     pub fn bodies(&self) -> &BodyTable {
         self.bodies
             .get_or_init(|| BodyTable::new(&self.doorway, &self.patch, &self.fans, self.body_radius_m, BODY_HEIGHT_M))
     }
 }
 
-/// Whether a point of the floor is in the rectangle with these opposite corners.
+/// Whether a floor point lies in the rectangle with these opposite corners.
 fn lies_between(corners: &[Point; 2], point: Point) -> bool {
     (0..2).all(|k| {
         let (a, b) = (corners[0][k], corners[1][k]);

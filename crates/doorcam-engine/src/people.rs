@@ -12,54 +12,54 @@ pub struct People {
 /// What an update says about people.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct PeopleReport {
-    /// Everybody who is followed.
+    /// Everybody who is being tracked.
     pub tracks: Vec<Track>,
-    /// What happened since the update before.
+    /// What has happened since the previous update.
     pub events: Vec<Event>,
     /// Who is in which zone.
     pub zones: Vec<Occupancy>,
 }
 
 impl People {
-    /// Nobody is there yet.
+    /// Starts with nobody present.
     pub fn new(settings: &Settings) -> Self {
         Self { tracker: Tracker::new(settings.tracker), events: Events::new(settings.dwelling, settings.zones.clone()) }
     }
 
-    /// Gives no numbers of tracks and events below these.
+    /// Assigns no track or event numbers below these.
     pub fn counting_from(self, track: u64, event: u64) -> Self {
         Self { tracker: self.tracker.counting_from(track), events: self.events.counting_from(event) }
     }
 
-    /// Where people are expected at a frame's time, in seconds.
+    /// Where people are expected at a frame's time, in seconds on the source's clock.
     pub fn predictions(&self, seconds: f64) -> impl Iterator<Item = Prediction> + '_ {
         self.tracker.predictions(seconds)
     }
 
-    /// Seconds from the last frame to one of that time; none before the first one.
+    /// Seconds from the last frame to the given time; infinite before the first frame.
     pub fn elapsed_s(&self, seconds: f64) -> f64 {
         self.tracker.seconds().map_or(f64::INFINITY, |last| (seconds - last).max(0.0))
     }
 
-    /// Takes in what a frame shows, at its `seconds` and its time of capture.
+    /// Processes a frame's detections; `seconds` is its time on the source's clock, `time` its time of capture.
     pub(super) fn step(&mut self, seconds: f64, time: Timestamp, detections: &[Detection]) -> PeopleReport {
         self.tracker.step(seconds, detections);
         self.report(time)
     }
 
-    /// Takes in a frame of which there is no map that could be trusted: whoever was there is not followed through it.
+    /// Processes a frame without a trustworthy map: all tracks end.
     pub(super) fn pause(&mut self, time: Timestamp) -> PeopleReport {
         self.tracker.reset();
         self.report(time)
     }
 
-    /// Takes the place of `others`: nobody is followed from one to the other, but ids and numbers of events go on.
+    /// Replaces `others`: tracks end, but track ids and event numbers continue.
     pub(super) fn continue_from(&mut self, others: Self) {
         self.tracker.continue_from(&others.tracker);
         self.events.continue_from(others.events);
     }
 
-    /// Counts people in other zones from now on.
+    /// Counts people in these zones from now on.
     pub(super) fn use_zones(&mut self, zones: Vec<Zone>) {
         self.events.use_zones(zones);
     }

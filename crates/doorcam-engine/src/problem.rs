@@ -15,52 +15,55 @@ use doorcam_core::solver::{
 use doorcam_core::tracking::likelihood::{Finder, Likelihood, LikelihoodSpec};
 use doorcam_core::transport::Transport;
 
-/// The inverse problem for one background: built when the empty room is known, used for every frame after.
+/// The inverse problem (eq. 13) for one background: built when the empty room is known, used for every frame after
+/// that.
 #[derive(Debug, Clone)]
 pub struct Problem {
-    /// Measurements to the Gram system.
+    /// From measurements to the Gram system.
     pub projection: Projection,
-    /// The Gram system's solver.
+    /// Solver of the Gram system.
     pub solver: Solver,
     /// Finds people; none with the published model.
     pub finder: Option<Finder>,
-    /// Values of a difference that count: pixels of both patches, times three.
+    /// Values of a difference that count: counted pixels of both patches, times three colours.
     pub values: usize,
-    /// What the pixels can tell; none with the published model, which does not ask for the noise.
+    /// What the pixels can measure; none with the published model, which does not use the noise.
     pub sensing: Option<Arc<Sensing>>,
     penalty: Penalty,
+    /// Whether so few frames of the empty room are known that its noise cannot be told from the floor's texture.
+    few_frames: bool,
 }
 
 /// How λ is chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Penalty {
     Fixed(f64),
-    /// The larger of what noise and, in changed light, the floor's texture can reach, and a share of the strongest facet's
-    /// wish: model errors grow with the signal.
+    /// The larger of two values: what noise and, in changed light, the floor's texture can reach; and a share of λ_max,
+    /// since model errors grow with the signal.
     Adaptive {
         noise: f64,
-        /// Per side, for each unit of even light.
+        /// Per side, reach of the texture per unit of even light.
         texture: [f64; 2],
         share: f64,
     },
 }
 
-/// Drift patterns that are projected out at most, per side.
+/// Maximum number of drift patterns that are projected out, per side.
 const DRIFT_PATTERNS: usize = 3;
-/// A level of light above which a pixel counts as saturated.
+/// Light level, relative to full scale, from which a pixel counts as saturated.
 const SATURATED: f32 = 0.98;
-/// How much further noise reaches than white noise where the frames of the empty room are too few to tell: compression and
-/// interpolation spread noise over neighbours, and the background has noise of its own.
+/// Assumed reach of real noise relative to white noise if there are too few frames of the empty room to measure it:
+/// compression and interpolation spread noise over neighbours, and the background has noise of its own.
 const COLOURED: f64 = 3.0;
-/// Frames of the empty room from which on its own noise is measured.
+/// Frames of the empty room from which the reach of its noise is measured.
 const ENOUGH: usize = 4;
-/// Of so many frames of an empty room, noise may make one show something.
+/// In one of this many frames of an empty room, noise may make something show.
 const FRAMES: f64 = 1000.0;
-/// Of so many floors, one may have a texture that shows something when a lamp of the visible side changes.
+/// One of this many floors may have a texture that shows something when a lamp of the visible side changes.
 const FLOORS: f64 = 100.0;
 
 impl Problem {
-    /// For a background, of which at least one frame is known, and a first difference from it.
+    /// Builds the problem for a background of at least one frame, and a first difference from it.
     pub fn new(model: &Model, background: &Background, difference: &PatchPair) -> Self {
         match model.kind {
             ModelKind::Published => Self::published(model),
@@ -68,7 +71,7 @@ impl Problem {
         }
     }
 
-    /// The authors' problem: constants out, columns as they are.
+    /// The authors' problem: constants projected out, columns unscaled.
     fn published(model: &Model) -> Self {
         let nuisance = Nuisance::constant(model.patch.pixels());
         let projection =
@@ -87,11 +90,12 @@ impl Problem {
             values,
             sensing: None,
             penalty: Penalty::Fixed(lambda),
+            few_frames: false,
         }
     }
 
-    /// Eq. 13 as it is written, in units of the noise, with unit-norm columns and without what exposure, flicker and drift
-    /// can do.
+    /// Eq. 13 as it is written, in units of the noise, with unit-norm columns, and with the effects of exposure,
+    /// flicker and drift projected out.
     fn signed(model: &Model, background: &Background, difference: &PatchPair) -> Self {
         let frames: Vec<&PatchPair> = background.kept().iter().collect();
         let noise = noise(model, &frames, background.frames()).unwrap_or_else(|| NoiseModel::from_texture(difference));
@@ -111,20 +115,27 @@ impl Problem {
                 Penalty::Adaptive { noise, texture, share: model.lambda_share }
             }
         };
-        // Large, and not needed any more: others come next.
+        // Large and no longer needed; the finder below needs memory of its own.
         drop(transport);
         let values = 3 * weights.iter().flatten().filter(|&&w| w > 0.0).count();
         let finder = finder(model, background.mean(), &frames, &weights, &floors);
         let sensing = Some(Arc::new(Sensing { still: background.mean().clone(), weights }));
-        Self { projection, solver, finder, values, sensing, penalty }
+        let few_frames = frames.len() < ENOUGH;
+        Self { projection, solver, finder, values, sensing, penalty, few_frames }
     }
 
-    /// λ for a frame whose map is empty from `lambda_max` on.
+    /// λ for a frame. `lambda_max` is the smallest λ at which its map is empty.
     pub fn lambda(&self, frame: &Correlations, lambda_max: f64) -> f64 {
         self.lambda_in_noise(frame, lambda_max, 1.0)
     }
 
-    /// The smallest λ at which what shows need not be noise, whatever the floor's texture may do.
+    /// λ for a frame whose map would be empty because of what the floor's texture might do: none, unless so few frames of the
+    /// empty room are known, as in published measurements, that its strength is a guess. The frame is then judged by itself.
+    pub fn lambda_by_itself(&self, lambda_max: f64, excess: f64) -> Option<f64> {
+        self.few_frames.then(|| self.least_lambda(lambda_max, excess))
+    }
+
+    /// The smallest λ that noise allows, without the margin for the floor's texture.
     pub fn least_lambda(&self, lambda_max: f64, excess: f64) -> f64 {
         match self.penalty {
             Penalty::Fixed(lambda) => lambda,
@@ -132,7 +143,7 @@ impl Problem {
         }
     }
 
-    /// The same for a frame with `excess` times the noise of the others: the average of fewer frames.
+    /// Like [`Problem::lambda`], for a frame with `excess` times the usual noise, as the average of fewer frames has.
     pub fn lambda_in_noise(&self, frame: &Correlations, lambda_max: f64, excess: f64) -> f64 {
         match self.penalty {
             Penalty::Fixed(lambda) => lambda,
@@ -143,15 +154,15 @@ impl Problem {
     }
 }
 
-/// Noise of a difference from the mean of `averaged` frames.
+/// Noise of a difference from the mean of `averaged` frames: that of a frame and of the mean.
 fn noise(model: &Model, frames: &[&PatchPair], averaged: u64) -> Option<NoiseModel> {
     let of_both = 1.0 + 1.0 / averaged.max(1) as f64;
     let of_one = NoiseModel::from_frames(frames, &model.counted)?;
     Some(NoiseModel { read: of_one.read * of_both, shot: of_one.shot * of_both })
 }
 
-/// Noise of a floor's albedo, which is the mean picture of the three colours relative to its level: the background's share of
-/// the noise of a difference from it.
+/// Noise of a floor's estimated albedo, relative: the background's share of a difference's noise, averaged over the
+/// three colours.
 fn albedo_noise(background: &Background, noise: NoiseModel) -> f64 {
     let values = || Side::BOTH.into_iter().flat_map(|side| background.mean().side(side).data());
     let level = values().map(|&v| f64::from(v)).sum::<f64>() / values().count().max(1) as f64;
@@ -159,7 +170,7 @@ fn albedo_noise(background: &Background, noise: NoiseModel) -> f64 {
     if level > 0.0 { noise.sigma(level) / level * (of_background / 3.0).sqrt() } else { 0.0 }
 }
 
-/// One over the noise of each pixel of `empty`; 0 for those that do not count or are saturated.
+/// 1 / noise of each pixel of `empty`; 0 for pixels that do not count or are saturated.
 fn weights(model: &Model, empty: &PatchPair, noise: NoiseModel) -> [Vec<f64>; 2] {
     let sides = [&empty.left, &empty.right];
     [0, 1].map(|s| {
@@ -182,7 +193,7 @@ fn floors(empty: &PatchPair, weights: &[Vec<f64>; 2]) -> [Floor; 2] {
     [Floor::from_picture(&empty.left, &left), Floor::from_picture(&empty.right, &right)]
 }
 
-/// The projection for differences from `empty`, which the frames are of.
+/// The projection for differences from `empty`, the background of `frames`.
 fn signed_projection(
     transport: &Transport,
     empty: &PatchPair,
@@ -190,10 +201,10 @@ fn signed_projection(
     weights: &[Vec<f64>; 2],
     floors: &[Floor; 2],
 ) -> Projection {
-    // Even light of the visible side shows the floor's albedo; it comes first because λ depends on how strong it is. An
-    // exposure step adds a multiple of the background's own picture, in each colour; a lamp changes its balance. Any colour
-    // may hold any of these, so they are smoothed; what is exactly a colour's own picture, with its noise, is taken out
-    // beforehand.
+    // Even light of the visible side shows the floor's albedo; it comes first, because λ depends on its strength. An
+    // exposure step adds a multiple of the background's own picture in each colour; a lamp changes their balance. Each
+    // pattern may occur in any colour, so all are smoothed. Each colour's own picture, with its noise, is taken out
+    // exactly beforehand.
     let gains = [0, 1].map(|s| {
         let floor = &floors[s];
         vec![floor.albedo.clone(), floor.picture(0), floor.picture(1), floor.picture(2)]
@@ -206,7 +217,7 @@ fn signed_projection(
     Projection::new(transport, &Pixels { weights: weights.clone(), albedo }, &nuisance, Columns::UnitNorm)
 }
 
-/// What finds people in differences from `empty`, which the frames are of.
+/// Finds people in differences from `empty`, the background of `frames`.
 fn finder(
     model: &Model,
     empty: &PatchPair,
@@ -216,7 +227,7 @@ fn finder(
 ) -> Option<Finder> {
     let levels = || Side::BOTH.into_iter().flat_map(|side| empty.side(side).data()).map(|&v| f64::from(v));
     let level = levels().sum::<f64>() / levels().count().max(1) as f64;
-    // Even light, and each colour's picture in every colour: exposure, lamps, their colours.
+    // Even light, and each colour's picture in any colour: exposure, lamps and their colours.
     let gains = [0, 1].map(|s| {
         let picture = |c: usize| empty.side(Side::BOTH[s]).plane(c).iter().map(|&v| f64::from(v)).collect::<Vec<f64>>();
         vec![vec![level; model.patch.pixels()], floors[s].albedo.clone(), picture(0), picture(1), picture(2)]
@@ -237,7 +248,7 @@ fn finder(
     Some(Finder::new(model.doorway, likelihood, model.body_radius_m))
 }
 
-/// What something random does to the largest dual norm over the facets: a Gumbel distribution, as maxima have.
+/// Distribution of the largest dual norm over the facets for something random: Gumbel, as it is a maximum.
 struct Reach {
     mean: f64,
     /// β of the distribution.
@@ -245,7 +256,7 @@ struct Reach {
 }
 
 impl Reach {
-    /// Fitted to drawn maxima, by β = σ √6 / π; 0 without any.
+    /// Fits the distribution to simulated maxima, with β = σ √6 / π; 0 without any.
     fn of(maxima: &[f64]) -> Self {
         let mean = maxima.iter().sum::<f64>() / maxima.len().max(1) as f64;
         let squares = maxima.iter().map(|m| (m - mean).powi(2)).sum::<f64>();
@@ -253,13 +264,13 @@ impl Reach {
         Self { mean, scale: (6.0 * variance).sqrt() / PI }
     }
 
-    /// What is exceeded in one case of `cases`, many: mean + β (ln cases − 0.5772).
+    /// The value that is exceeded in one of `cases` cases, for many: mean + β (ln cases − 0.5772).
     fn exceeded_in_one_of(&self, cases: f64) -> f64 {
         self.mean + self.scale * (cases.ln() - 0.577_2)
     }
 }
 
-/// Of white noise of unit variance, simulated.
+/// Reach of white noise of unit variance, simulated.
 fn white_noise_reach(projection: &Projection) -> Reach {
     const DRAWS: usize = 200;
     let mut random = ChaCha8Rng::seed_from_u64(1);
@@ -273,10 +284,10 @@ fn white_noise_reach(projection: &Projection) -> Reach {
     Reach::of(&maxima)
 }
 
-/// How much further than white noise the empty room's real noise reaches: everything is built from every other frame, as
-/// if only they were known, and the frames between, which had no say in it, are looked at. None with too few frames.
+/// How much further the empty room's real noise reaches than white noise. The problem is built from every other frame,
+/// and measured on the frames between, which had no influence on it. None if there are too few frames.
 ///
-/// Built from half the frames, the background is noisier than the one in use; the measure errs on the safe side.
+/// A background of half the frames is noisier than the one in use, so the result errs on the safe side.
 fn noise_colour(model: &Model, transport: &Transport, frames: &[&PatchPair]) -> Option<f64> {
     if frames.len() < ENOUGH {
         return None;
@@ -299,7 +310,7 @@ fn noise_colour(model: &Model, transport: &Transport, frames: &[&PatchPair]) -> 
         .collect();
     let middle = maxima.len() / 2;
     let median = if maxima.is_empty() { 0.0 } else { *maxima.select_nth_unstable_by(middle, f64::total_cmp).1 };
-    // Few frames may by chance all have been quiet ones.
+    // All of a few frames may be quiet by chance.
     let margin = 1.0 + 1.0 / (maxima.len().max(1) as f64).sqrt();
     Some((margin * median / white_noise_reach(&projection).mean).max(1.0))
 }

@@ -3,29 +3,30 @@ use nalgebra::DMatrix;
 use doorcam_core::scene::Intensity;
 use doorcam_core::solver::Correlations;
 
-/// The authors' way to solve eq. 13, as the reference that [`doorcam_core::solver::Solver`] is measured against: accelerated
+/// The authors' method for solving eq. 13, as the reference for measuring [`doorcam_core::solver::Solver`]: accelerated
 /// proximal gradient steps on v, c_L and c_R together.
 ///
-/// In Gram form, with b eliminated: a step costs two products of an N x N with an N x 3 matrix, whatever the number of
-/// pixels. That is already much less than their program does, which multiplies with A and Aᵀ and takes steps on b as well.
+/// It works in Gram form with b eliminated: a step costs two products of an N x N with an N x 3 matrix, whatever the
+/// number of pixels. That is already much less than in their program, which multiplies with A and Aᵀ and takes steps on
+/// b as well.
 #[derive(Debug, Clone)]
 pub struct PublishedIteration<'a> {
     gram: &'a [DMatrix<f64>; 2],
     foreground: &'a [bool],
-    /// A_sᵀ y, N x 3 a side.
+    /// A_sᵀ y, N x 3 per side.
     rhs: [DMatrix<f64>; 2],
     lambda: f64,
     point: Point,
-    /// Where the next gradient is taken: ahead of the point by its momentum.
+    /// The point extrapolated by its momentum, where the next gradient is taken.
     ahead: Point,
     /// t_k of the momentum.
     t: f64,
-    /// Room for G_s X_s − A_sᵀ y and X_s = diag(c_s) v.
+    /// Workspace for G_s X_s − A_sᵀ y, and for X_s = diag(c_s) v.
     gradient: [DMatrix<f64>; 2],
     light: DMatrix<f64>,
 }
 
-/// v, N x 3, with unit rows but where momentum has carried it, and (c_L, c_R), N x 2.
+/// v, N x 3, with unit rows except where momentum has moved it, and (c_L, c_R), N x 2.
 #[derive(Debug, Clone)]
 struct Point {
     v: DMatrix<f64>,
@@ -33,12 +34,13 @@ struct Point {
 }
 
 impl<'a> PublishedIteration<'a> {
-    /// Steps that the authors take for a frame.
+    /// Steps that the authors take per frame.
     pub const STEPS: usize = 20_000;
     /// Length of a step.
     const STEP: f64 = 1e-4;
 
-    /// At the empty map with grey facets. `gram` and `frame` are of columns in units of radiance, as the authors have them.
+    /// Starts from the empty map with grey facets. `gram` and `frame` must have columns in units of radiance, as the
+    /// authors' have.
     pub fn new(gram: &'a [DMatrix<f64>; 2], foreground: &'a [bool], frame: &Correlations, lambda: f64) -> Self {
         let n = foreground.len();
         let point = Point { v: DMatrix::from_element(n, 3, 3.0_f64.sqrt().recip()), c: DMatrix::zeros(n, 2) };
@@ -85,7 +87,7 @@ impl<'a> PublishedIteration<'a> {
         }
     }
 
-    /// The proximal step of the penalty and of c >= 0 in the foreground.
+    /// The proximal step of the penalty and, in the foreground, of c >= 0.
     fn shrink(&self, n: usize, c: [f64; 2]) -> [f64; 2] {
         let c = if self.foreground[n] { c.map(|c| c.max(0.0)) } else { c };
         let norm = c[0].hypot(c[1]);
@@ -109,7 +111,7 @@ impl<'a> PublishedIteration<'a> {
     }
 }
 
-/// The nearest unit vector with v >= 0; `before`, if that is none.
+/// The nearest unit vector with v >= 0, or `before` if there is none.
 fn unit(v: [f64; 3], before: [f64; 3]) -> [f64; 3] {
     let v = v.map(|v| v.max(0.0));
     let norm = v.iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -121,7 +123,7 @@ mod tests {
     use super::*;
     use doorcam_core::solver::{Admissible, Limits, Solver};
 
-    /// Two facets whose columns overlap a little, one of the foreground and one of the background.
+    /// Two facets whose columns overlap a little, one in the foreground and one in the background.
     #[test]
     fn it_comes_to_the_solvers_solution() {
         let gram = [0.3, 0.2].map(|cross| DMatrix::from_row_slice(2, 2, &[40.0, cross, cross, 30.0]));

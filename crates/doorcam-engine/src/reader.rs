@@ -11,8 +11,8 @@ use doorcam_source::image::{ImageDecoder, JpegDepth};
 use doorcam_source::recording::Manifest;
 use doorcam_source::{RawFrame, RawImages, SkippedFrame};
 
-#[derive(Debug, Clone)]
 /// Decodes frames and rectifies them into patch pairs in linear light.
+#[derive(Debug, Clone)]
 pub struct FrameReader {
     decoder: ImageDecoder,
     table: LightTable,
@@ -36,7 +36,11 @@ pub struct ReadTimes {
 }
 
 impl FrameReader {
-    /// For the frames of a recording.
+    /// A reader for the frames of a recording.
+    ///
+    /// # Errors
+    ///
+    /// If the calibration does not determine the camera, or the camera sees less than half of a patch.
     pub fn for_recording(settings: &Settings, manifest: &Manifest) -> Result<Self, SetupError> {
         if let Some(calibration) = manifest.calibration() {
             return Self::for_calibration(settings, &calibration);
@@ -50,7 +54,11 @@ impl FrameReader {
         Ok(Self::new(settings, &manifest.transfer, Rectifier::Patches([rectifier.clone(), rectifier]), patch))
     }
 
-    /// For the frames of a calibrated camera.
+    /// A reader for the frames of a calibrated camera.
+    ///
+    /// # Errors
+    ///
+    /// If the calibration does not determine the camera, or the camera sees less than half of a patch.
     pub fn for_calibration(settings: &Settings, calibration: &Calibration) -> Result<Self, SetupError> {
         let patch = Model::patch_grid(settings, None);
         let [width, height] = calibration.size;
@@ -67,7 +75,7 @@ impl FrameReader {
     }
 
     fn new(settings: &Settings, transfer: &Transfer, rectifier: Rectifier, patch: PatchGrid) -> Self {
-        // The authors' numbers come from JPEGs of 8 bits.
+        // The authors' numbers come from 8-bit JPEGs.
         let (decoding, depth) = match settings.preprocessing {
             Preprocessing::Published => (Decoding::Published, JpegDepth::Eight),
             Preprocessing::Linear => (Decoding::Light(transfer.clone()), JpegDepth::Exact),
@@ -75,12 +83,12 @@ impl FrameReader {
         Self { decoder: ImageDecoder::with_jpegs_of(depth), table: LightTable::new(&decoding), rectifier, patch }
     }
 
-    /// The patches that it makes.
+    /// The patches it produces.
     pub fn patch(&self) -> PatchGrid {
         self.patch
     }
 
-    /// Per side and pixel, what the camera sees; none if everything is seen.
+    /// Per side and pixel, whether the camera sees it; none if everything is seen.
     pub fn seen(&self) -> Option<[Vec<bool>; 2]> {
         match &self.rectifier {
             Rectifier::Camera(camera, _) => Some(camera.visible()),
@@ -89,6 +97,10 @@ impl FrameReader {
     }
 
     /// Decodes and rectifies one frame into `pair`.
+    ///
+    /// # Errors
+    ///
+    /// If an image cannot be decoded, has another size, or is not of the kind that this reader expects.
     pub fn read(&mut self, frame: &RawFrame, pair: &mut PatchPair) -> Result<ReadTimes, SkippedFrame> {
         let skipped = |reason: String| SkippedFrame { name: frame.name.to_string(), reason };
         let mut times = ReadTimes::default();
@@ -149,7 +161,7 @@ mod tests {
         matrix: LumaMatrix::Bt601,
     };
 
-    /// A camera that looks straight down: 500 pixels a metre.
+    /// A camera that looks straight down, with 500 pixels per metre.
     fn calibration() -> Calibration {
         serde_json::from_str(
             r#"{"size": [600, 200], "doorway": {"width_m": 0.6, "wall_thickness_m": 0.1}, "transfer": "linear",
@@ -166,7 +178,7 @@ mod tests {
     #[test]
     fn raw_and_encoded_frames_of_one_scene_agree() {
         let mut reader = FrameReader::for_calibration(&Settings::default(), &calibration()).unwrap();
-        // Luma grows along the rows, no colour.
+        // Luma grows along the rows; no colour.
         let raw: Vec<u8> = (0..1200 * 200).map(|k| if k % 2 == 0 { (k % 1200 / 8 + 50) as u8 } else { 128 }).collect();
         let grey = raw.chunks(2).flat_map(|pair| [pair[0]; 3]).collect();
         let buffer = image::ImageBuffer::from_raw(600, 200, grey).unwrap();
@@ -184,7 +196,7 @@ mod tests {
 
     #[test]
     fn jpegs_are_measured_exactly_but_by_the_published_preset_with_8_bits() {
-        // A floor of one colour that no 8-bit red, green and blue have.
+        // A floor of one colour that 8-bit red, green and blue cannot represent.
         let pixels = [101, 119, 133].repeat(600 * 200);
         let mut jpeg = Vec::new();
         let encoder = jpeg_encoder::Encoder::new(&mut jpeg, 100);

@@ -8,11 +8,11 @@ use doorcam_core::scene::{BlobWorkspace, Rgb, Scene};
 use doorcam_core::solver::{Audit, Correlations, Limits, ProjectionError, Solution, Start, Workspace, audit};
 use doorcam_core::tracking::{Detection, Prediction};
 
-/// Where people might be need not be known exactly: it is refined.
+/// Blobs only seed the search for people and are refined later, so a rough solution is enough.
 const FAINT_SWEEPS: usize = 30;
 const FAINT_TOLERANCE: f64 = 1e-2;
 
-/// The stages from a patch pair to a scene, with what they remember between frames.
+/// The stages from a patch pair to a scene, with their state between frames.
 pub struct Reconstructor {
     model: Arc<Model>,
     background: Background,
@@ -21,46 +21,48 @@ pub struct Reconstructor {
     problem: Option<Prepared>,
 }
 
-/// The problem of the background in use, and the room that solving it takes.
+/// The problem of the background in use, with the workspace for solving it.
 pub(super) struct Prepared {
     problem: Problem,
-    /// The picture that it is built for: differences from another one would not be free of gains.
+    /// The picture that the problem is built for: differences from another picture would contain gains.
     reference: PatchPair,
     correlations: Correlations,
     workspace: Workspace,
     solution: Solution,
     refit: Vec<f64>,
-    /// The map at the smallest λ that noise allows, where the other is empty.
+    /// The map at the smallest λ that noise allows, used where `solution` is empty.
     faint: Solution,
-    /// The last frame's λ_max, and the smallest λ.
+    /// The last frame's λ_max and smallest λ.
     lambdas: [f64; 2],
+    /// Whether the frame shows nothing that noise, texture and model errors could not do.
+    hidden: bool,
     blobs: BlobWorkspace,
     seeds: Vec<Point>,
-    /// For looks at other pictures than the frame's.
+    /// Workspace for comparing pictures other than the frame's.
     aside: (PatchPair, Correlations),
-    /// How long all that took to set up.
+    /// How long building all this took.
     pub took: Duration,
 }
 
-/// What one frame says about the room.
+/// What one frame says about the hidden room. Light is linear, relative to full scale.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reconstruction {
     /// The solution of eq. 13.
     pub solution: Solution,
-    /// Views and unified map.
+    /// Both views and the unified map.
     pub scene: Scene,
     /// Per facet, the factor of a least-squares refit on the support: brightness without the penalty's shrinkage
     /// ([`refit`](doorcam_core::solver::Solver::refit)).
     pub refit: Vec<f64>,
-    /// Mean change of the visible side's light: left, right. With the published model, b of eq. 12.
+    /// Mean change of the visible side's light at the left and right patch; b of eq. 12 with the published model.
     pub illumination: [Rgb; 2],
-    /// The factor by which the floor's own picture of the empty room is multiplied, apart from what the facets explain:
-    /// left, right. None with the published model, which knows no gain.
+    /// Per patch (left, right) and colour, the factor on the floor's own picture of the empty room, apart from what the
+    /// facets explain. None with the published model, which has no gain.
     pub gain: Option<[Rgb; 2]>,
-    /// Mean square of the weighed difference once gains, lamps and drift are out; with the signed model in units of the noise,
-    /// so that it is about 1 in the empty room.
+    /// Mean square of the weighted difference after gains, lamps and drift are projected out. With the signed model it
+    /// is in units of the noise: about 1 in the empty room.
     pub energy: f64,
-    /// The same of what the map leaves.
+    /// The same for what the map leaves unexplained.
     pub residual: f64,
     /// Time for the difference.
     pub background_time: Duration,
@@ -78,7 +80,7 @@ impl Reconstruction {
 }
 
 impl Prepared {
-    /// For a background; where its frames do not tell the noise, a `difference` from it does.
+    /// Builds the problem for a background. If its frames do not tell the noise, it is estimated from `difference`.
     pub fn new(model: &Model, background: &Background, difference: &PatchPair) -> Self {
         let start = Instant::now();
         let problem = Problem::new(model, background, difference);
@@ -90,6 +92,7 @@ impl Prepared {
             refit: Vec::new(),
             faint: Solution::default(),
             lambdas: [0.0; 2],
+            hidden: true,
             blobs: BlobWorkspace::default(),
             seeds: Vec::new(),
             aside: (difference.clone(), problem.projection.correlations()),
@@ -100,8 +103,8 @@ impl Prepared {
 }
 
 impl Reconstructor {
-    /// With nothing learned yet. With `warm_start`, each frame starts from the one before: faster, but then what is found
-    /// can depend on it.
+    /// Starts with nothing learned. With `warm_start`, each frame is solved from the previous one's map: faster, but
+    /// the solution can then depend on it.
     pub fn new(model: Arc<Model>, warm_start: bool) -> Self {
         Self {
             background: Background::new(model.patch.size),
@@ -117,23 +120,29 @@ impl Reconstructor {
         &self.model
     }
 
-    /// Learns a frame of the empty room.
+    /// Learns from a frame of the empty room.
     pub fn learn(&mut self, pair: &PatchPair) {
         self.background.learn(pair);
         self.problem = None;
     }
 
-    /// What was learned by [`Reconstructor::learn`].
+    /// What [`Reconstructor::learn`] has learned.
     pub(super) fn background(&self) -> &Background {
         &self.background
     }
 
-    /// Gives away what was learned, which is large and which the problem made of it can do without.
+    /// Takes out what was learned: it is large, and the problem built from it does not need it.
     pub(super) fn take_background(&mut self) -> Background {
         std::mem::replace(&mut self.background, Background::new(self.model.patch.size))
     }
 
-    /// Takes a problem that was prepared elsewhere.
+    /// Restores what [`Reconstructor::take_background`] took out.
+    pub(super) fn restore_background(&mut self, background: Background) {
+        self.background = background;
+        self.problem = None;
+    }
+
+    /// Installs a problem that was prepared elsewhere.
     pub(super) fn install(&mut self, prepared: Prepared) {
         self.problem = Some(prepared);
         self.take_background();
@@ -144,8 +153,8 @@ impl Reconstructor {
         self.problem.as_ref().map(|prepared| &prepared.reference)
     }
 
-    /// By how much a picture differs from another in a way that would show, as a share of what noise may do: above 1, it
-    /// would be detected. None before there is a background.
+    /// How visibly `picture` differs from `from` (the reference if none), as a share of what noise can reach: above 1,
+    /// the difference would be detected. None before there is a background.
     pub(super) fn departure(&mut self, picture: &PatchPair, from: Option<&PatchPair>) -> Option<f64> {
         let Prepared { problem, reference, aside: (difference, correlations), .. } = self.problem.as_mut()?;
         picture.subtract(from.unwrap_or(reference), difference);
@@ -154,21 +163,22 @@ impl Reconstructor {
         Some(problem.solver.lambda_max(correlations) / least)
     }
 
-    /// How good the last frame's solution is among those from `starts` random starts; none before the first one.
+    /// Compares the last frame's solution with those from `starts` random starts; none before the first frame.
     pub fn audit(&self, starts: usize) -> Option<Audit> {
         let Prepared { problem, correlations, solution, .. } = self.problem.as_ref()?;
         Some(audit(&problem.solver, correlations, solution.lambda, self.model.limits, starts))
     }
 
-    /// Whom the last frame shows, `elapsed_s` after the one before, given where people are expected.
+    /// Finds people in the last frame, `elapsed_s` seconds after the previous one, given where they are expected.
     pub fn find(&mut self, expected: impl Iterator<Item = Prediction>, elapsed_s: f64) -> &[Detection] {
         let Some(prepared) = &mut self.problem else { return &[] };
-        let Prepared { problem, correlations, workspace, solution, faint, lambdas, blobs, seeds, .. } = prepared;
+        let Prepared { problem, correlations, workspace, solution, faint, lambdas, hidden, blobs, seeds, .. } =
+            prepared;
         let Some(finder) = &mut problem.finder else { return &[] };
         seeds.clear();
-        // What a changed lamp and the floor's texture might do is kept from the map; people can be told from it.
+        // λ is raised where a changed lamp on textured floor might show as facets. People can be told from that.
         let [lambda_max, least] = *lambdas;
-        let map = if solution.penalty == 0.0 && lambda_max > least {
+        let map = if *hidden && lambda_max > least {
             let limits = Limits { sweeps: FAINT_SWEEPS, tolerance: FAINT_TOLERANCE };
             problem.solver.solve_into(correlations, least, limits, Start::Empty, workspace, faint);
             &*faint
@@ -180,23 +190,31 @@ impl Reconstructor {
         finder.find(&self.difference, expected, seeds, elapsed_s)
     }
 
-    /// What the pixels can tell; none before there is a background, and with the published model.
+    /// What the pixels can measure; none before there is a background, and with the published model.
     pub(super) fn sensing(&self) -> Option<&Arc<Sensing>> {
         self.problem.as_ref()?.problem.sensing.as_ref()
     }
 
-    /// The last frame's difference measurement (eq. 4).
+    /// The last frame's difference (eq. 4), in linear light.
     pub fn difference(&self) -> &PatchPair {
         &self.difference
     }
 
-    /// Reconstructs what changed against the empty room; none before that was learned. The first frame after learning
-    /// takes longer: the problem is built for what was learned.
+    /// Reconstructs what has changed compared with the empty room; none before that is learned. The first frame after
+    /// learning takes longer, because the problem is built then.
+    ///
+    /// # Errors
+    ///
+    /// If the patches have another size than the model's, or contain a value that is not finite.
     pub fn reconstruct(&mut self, pair: &PatchPair) -> Result<Option<Reconstruction>, ProjectionError> {
         self.reconstruct_in_noise(pair, 1.0)
     }
 
-    /// The same for a frame with `excess` times the noise of the others.
+    /// Like [`Reconstructor::reconstruct`], for a frame with `excess` times the usual noise (standard deviation).
+    ///
+    /// # Errors
+    ///
+    /// If the patches have another size than the model's, or contain a value that is not finite.
     pub fn reconstruct_in_noise(
         &mut self,
         pair: &PatchPair,
@@ -211,7 +229,7 @@ impl Reconstructor {
         pair.subtract(reference, &mut self.difference);
         let background_time = start.elapsed();
         let (model, background, difference) = (&self.model, &self.background, &self.difference);
-        let Prepared { problem, correlations, workspace, solution, refit, lambdas, .. } =
+        let Prepared { problem, correlations, workspace, solution, refit, lambdas, hidden, .. } =
             self.problem.get_or_insert_with(|| Prepared::new(model, background, difference));
         let start = Instant::now();
         problem.projection.project(&self.difference, correlations)?;
@@ -220,7 +238,10 @@ impl Reconstructor {
         let lambda_max = problem.solver.lambda_max(correlations);
         let lambda = problem.lambda_in_noise(correlations, lambda_max, excess);
         *lambdas = [lambda_max, problem.least_lambda(lambda_max, excess)];
-        // What is known to end empty starts empty: nothing of the frame before can stay by mistake.
+        *hidden = lambda >= lambda_max;
+        let by_itself = problem.lambda_by_itself(lambda_max, excess).filter(|_| *hidden);
+        let lambda = by_itself.unwrap_or(lambda);
+        // A map that is known to be empty starts empty, so that nothing of the previous frame can remain by mistake.
         let warm = self.warm_start && lambda_max > lambda;
         let from = if warm { Start::Previous } else { Start::Empty };
         problem.solver.solve_into(correlations, lambda, self.model.limits, from, workspace, solution);
@@ -232,7 +253,7 @@ impl Reconstructor {
         };
         let illumination = problem.projection.illumination(correlations, intensities);
         problem.solver.refit(correlations, solution, refit);
-        // As bright as measured: the penalty's shrinkage would leave a part of every facet's light to the gain.
+        // With the brightness as measured: the penalty's shrinkage would leave part of every facet's light to the gain.
         let gain = problem.projection.gain(correlations, |s, n| intensities(s, n).map(|x| refit[n] * x));
         let per_value = (problem.values.max(1) as f64).recip();
         let (energy, residual) = (per_value * correlations.energy, per_value * 2.0 * solution.data);

@@ -1,4 +1,4 @@
-//! What an engine can be told: plain values with the defaults of the program.
+//! The settings of an engine: plain values with the program's defaults.
 
 use doorcam_core::geometry::{GridSpec, Point};
 use doorcam_core::light::Averaging;
@@ -9,25 +9,25 @@ use doorcam_core::tracking::likelihood::MOST_PEOPLE;
 use doorcam_core::tracking::{Dwelling, TrackerSettings, Zone};
 use doorcam_core::transport::Kernel;
 
-/// Everything that decides how frames become updates, apart from the doorway and the camera. Whoever fills it in answers for
-/// its values: an engine checks what depends on the doorway, no more.
+/// Everything that decides how frames become updates, apart from the doorway and the camera. The caller is responsible
+/// for the values: the engine only checks what depends on the doorway.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// How images become light on the patches.
     pub preprocessing: Preprocessing,
-    /// The hidden room and the facets in it.
+    /// Extent of the hidden room and its facets.
     pub grid: GridSpec,
     /// The floor patches.
     pub patch: PatchSettings,
-    /// Falloff law of the transport.
+    /// Falloff law of the light transport.
     pub kernel: Kernel,
     /// Height of the facets, in metres.
     pub facet_height_m: f64,
     /// The inverse problem.
     pub solver: SolverSettings,
-    /// t of eq. 15, relative to the largest |c|.
+    /// Threshold t of eq. 15, relative to the largest |c|.
     pub unified_threshold: f64,
-    /// Which brightness figures show.
+    /// Which brightness the figures show.
     pub brightness: Brightness,
     /// Averaging of frames in time.
     pub averaging: AveragingSettings,
@@ -37,31 +37,32 @@ pub struct Settings {
     pub tracker: TrackerSettings,
     /// When somebody dwells.
     pub dwelling: Dwelling,
-    /// Parts of the room that have names.
+    /// Named parts of the room.
     pub zones: Vec<Zone>,
-    /// The lens of cameras whose calibration does not tell.
+    /// Lens of cameras whose calibration has none.
     pub lens: Option<Lens>,
-    /// The transfer function of cameras whose calibration does not tell.
+    /// Transfer function of cameras whose calibration has none.
     pub transfer: Transfer,
 }
 
 /// How images become light on the patches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Preprocessing {
-    /// The transfer function undone, JPEGs decoded exactly, each pixel the mean over its square of floor.
+    /// The transfer function is undone, JPEGs are decoded exactly, each pixel is the mean over its square of floor.
     Linear,
-    /// As the authors' program does it: codes taken for light, JPEGs of 8 bits, bicubic resampling, pixels on the patch's border.
+    /// As in the authors' program: codes are taken for light, JPEGs decoded to 8 bits, bicubic resampling, pixels on
+    /// the patch's border.
     Published,
 }
 
 /// The floor patches.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PatchSettings {
-    /// Side of the square of floor that is used, in metres; less if a recording shows less.
+    /// Side of the square of floor that is used, in metres; smaller if a recording shows less.
     pub fov_m: f64,
     /// Pixels along each side.
     pub pixels: usize,
-    /// Parts of the floor that do not count: two opposite corners each, in the door frame, in metres.
+    /// Parts of the floor that do not count: two opposite corners each, in metres in the door frame.
     pub exclude: Vec<[Point; 2]>,
 }
 
@@ -70,45 +71,45 @@ pub struct PatchSettings {
 pub struct SolverSettings {
     /// Which changes a facet may show.
     pub model: ModelKind,
-    /// Weight of the penalty.
+    /// The penalty's weight, λ.
     pub lambda: Lambda,
-    /// Automatic λ: times what the empty room's noise reaches in one frame of a thousand.
+    /// Automatic λ: factor on what the empty room's noise reaches in one frame of a thousand.
     pub lambda_factor: f64,
-    /// Automatic λ: at least this share of the smallest λ with an empty map.
+    /// Automatic λ: at least this share of λ_max, the smallest λ with an empty map.
     pub lambda_share: f64,
-    /// Steps that a frame may take.
+    /// Maximum number of solver steps per frame.
     pub max_steps: usize,
 }
 
 /// Averaging of frames in time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AveragingSettings {
-    /// How.
+    /// Kind of average.
     pub mode: Averaging,
-    /// Over how many seconds.
+    /// Its time in seconds.
     pub time_s: f64,
 }
 
 /// How the picture of the empty room is learned and followed. Times are in seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BackgroundSettings {
-    /// Time of stillness from which it is learned at the start.
+    /// Stillness needed to learn the background at the start.
     pub learn_s: f64,
-    /// Time after which the picture that came back most often is taken, stillness or not.
+    /// Time after which the picture that came back most often is used, even without stillness.
     pub learn_max_s: f64,
-    /// Time of stillness after a change of the light.
+    /// Stillness needed to learn it anew after a change of the light.
     pub relearn_s: f64,
-    /// Time constant of following slow changes.
+    /// Time constant for following slow changes.
     pub adapt_s: f64,
-    /// Time after which what does not move is part of the room; 0 for never.
+    /// Time after which something that does not move becomes part of the room; 0 for never.
     pub absorb_s: f64,
-    /// Time between two set-ups of the problem, at most.
+    /// Maximum time between two rebuilds of the problem.
     pub rebuild_s: f64,
-    /// Share of the light by which it must change at once to count as another light.
+    /// Sudden change of the light that makes the background be learned anew, as a share of the light.
     pub light_step: f64,
-    /// Time between two savings.
+    /// Time between two saves.
     pub save_s: f64,
-    /// Age up to which a saved background is used.
+    /// Maximum age of a saved background that is used.
     pub keep_s: f64,
 }
 
@@ -165,7 +166,7 @@ impl Default for BackgroundSettings {
 }
 
 impl Settings {
-    /// The authors' program: its preprocessing, 0.15 m patches, kernel, model, grid and brightness, λ = 0.05.
+    /// The authors' program: its preprocessing, 0.15 m patches, kernel, model, grid and brightness; λ = 0.05.
     pub fn published() -> Self {
         let settings = Self::default();
         Self {

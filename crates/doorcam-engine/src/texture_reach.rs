@@ -9,18 +9,19 @@ use doorcam_core::light::{Floor, Patch, light_window, texture_strength};
 use doorcam_core::solver::{Correlations, Projection};
 use doorcam_core::transport::Transport;
 
-/// Floors that are drawn.
+/// Number of floors that are drawn.
 const DRAWS: usize = 32;
 
-/// Per side, how far a floor's texture reaches when the visible side's even light changes: the largest dual norm over the
-/// facets for each unit of [`Projection::even_light`] in a frame, one value per drawn floor.
+/// Per side, how far the floor's texture reaches when the visible side's even light changes: the largest dual norm over
+/// the facets per unit of [`Projection::even_light`] in a frame, one value per drawn floor.
 ///
-/// Texture and light are told apart by scale alone, so that the albedo lacks what of the texture is as smooth as light. Even
-/// light comes back with that part, which no pattern that is projected out has, and it may look like facets. No better
-/// estimate can help: the four smoothest patterns hold four fifths of a typical facet's light, and in those a texture looks
-/// like the room's light. But how strong it is can be told: floors of white texture of that strength are drawn, each is
-/// photographed in the light of the real one, has its albedo estimated from the photograph as the real one had, and is then
-/// given even light. `noise` is what the albedo's own noise adds to the texture that shows in it, as a standard deviation.
+/// Only their scale tells texture from light, so the estimated albedo lacks the part of the texture that is as smooth
+/// as light. Even light shows that part, no pattern that is projected out contains it, and it can look like facets. No
+/// better estimate is possible: the four smoothest patterns hold four fifths of a typical facet's light, and in those a
+/// texture looks like the room's light. The strength of that part, however, can be estimated: floors with white texture
+/// as strong as the one that shows are drawn; each is photographed in the real floor's light, its albedo estimated from
+/// the photograph in the same way, and then lit evenly. `noise` is the standard deviation that noise adds to the
+/// estimated albedo.
 pub(super) fn texture_reach(
     transport: &Transport,
     size: usize,
@@ -44,8 +45,8 @@ pub(super) fn texture_reach(
             let speckle = |_: &f64| 1.0 + strength * Distribution::<f64>::sample(&StandardNormal, &mut random);
             let texture: Vec<f64> = weights.iter().map(speckle).collect();
             let EvenLight { left, albedo, strength } = EvenLight::on(&texture, &light, draw % 3, weights, &counted)?;
-            // What is left has nothing of the drawn floor's patterns, so that the facets' light need not be freed of them.
-            // The real floor's, which `projection` takes out, are others.
+            // `left` is orthogonal to the drawn floor's patterns, so the facets' light need not be projected as well.
+            // The patterns that `projection` takes out belong to the real floor.
             let rows = DVector::from_fn(left.len(), |k, _| left[k] * weights[k] * albedo[k]);
             let facets = transport.tr_mul(&rows);
             let mut rhs: [[Vec<f64>; 3]; 2] = std::array::from_fn(|_| std::array::from_fn(|_| vec![0.0; facets.len()]));
@@ -56,10 +57,11 @@ pub(super) fn texture_reach(
     })
 }
 
-/// The light on a floor, its contrast freed of what the texture adds to it: the texture's mean over the window. Contrast is
-/// by what even light is told from a gain; with too much of it the drawn floors would seem tamer than the real one.
+/// The light on a floor without the contrast that the texture adds to it through its mean over the window. Contrast
+/// tells even light from a gain: with too much of it, the texture of the drawn floors would reach less far than the
+/// real one.
 fn light_without_texture(floor: &Floor, counted: &[bool], strength: f64, size: usize) -> [Vec<f64>; 3] {
-    /// Of the contrast's variance: less than this is not believed.
+    /// Smallest share of the contrast's variance that is kept.
     const LEAST: f64 = 0.1;
     let used = || (0..counted.len()).filter(|&k| counted[k]);
     let count = used().count().max(1) as f64;
@@ -75,18 +77,18 @@ fn light_without_texture(floor: &Floor, counted: &[bool], strength: f64, size: u
     })
 }
 
-/// Even light of strength 1 and one colour on a floor, as the patterns estimated from the floor's picture have it.
+/// Even light of strength 1 in one colour on a floor, projected with the patterns estimated from the floor's picture.
 struct EvenLight {
-    /// What is left of it, weighed, once the own picture and the patterns are out.
+    /// The weighted light that is left after the own picture and the patterns are taken out.
     left: DVector<f64>,
     /// The albedo estimated from the picture.
     albedo: Vec<f64>,
-    /// How strong [`Projection::even_light`] says that it is.
+    /// Its strength as [`Projection::even_light`] reports it.
     strength: f64,
 }
 
 impl EvenLight {
-    /// On a floor of this texture that is photographed in this light; none on one that shows nothing.
+    /// On a floor with this texture, photographed in `light`; none if its strength is 0 or not finite.
     fn on(texture: &[f64], light: &[Vec<f64>; 3], channel: usize, weights: &[f64], counted: &[bool]) -> Option<Self> {
         let mut picture = Patch::zeros(texture.len().isqrt());
         for (p, light) in light.iter().enumerate() {
@@ -110,8 +112,8 @@ impl EvenLight {
     }
 }
 
-/// How far texture reaches in a frame, if it reaches so far for each unit of even light. The floors of the two sides have
-/// textures of their own, which are independent.
+/// How far texture reaches in a frame, given its reach per unit of even light. The two sides' textures are independent,
+/// so their squares add.
 pub(super) fn reach_in(per_unit: [f64; 2], projection: &Projection, correlations: &Correlations) -> f64 {
     let norm2 = |rgb: [f64; 3]| rgb.iter().map(|v| v * v).sum::<f64>();
     let [left, right] = projection.even_light(correlations).map(norm2);

@@ -17,15 +17,16 @@ use doorcam_core::tracking::{Detection, Event, Occupancy, Track};
 pub enum State {
     /// The empty room is being learned: no map yet.
     Learning,
-    /// The map is of now.
+    /// The map is current.
     Watching,
-    /// The light changed as a whole; the background is being learned anew.
+    /// The light changed or a reset was requested; the background is being learned anew.
     Relearning,
-    /// No new frame for some time: the map is of then.
+    /// No new frame for some time: the map is outdated.
     Stale,
 }
 
-/// What is known after one frame: one line of `doorcam reconstruct`, one message of the live socket. Light is linear, relative to full scale; negative means darker than the background.
+/// What is known after one frame: one line of `doorcam reconstruct`, one message of the live socket. Light is linear,
+/// relative to full scale; negative means darker than the background.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Update {
@@ -40,31 +41,31 @@ pub struct Update {
     pub frame: Option<u64>,
     /// Whether the map can be trusted.
     pub state: State,
-    /// Which calibration it is of: when it changes, so may have the geometry.
+    /// Number of the calibration in use. When it changes, the geometry may have changed.
     pub calibration: u32,
     /// How the map was found.
     pub solution: SolutionReport,
-    /// Which signs the map may have.
+    /// Which signs the map may have: `signed` or `published`.
     #[cfg_attr(feature = "schema", schema(value_type = ModelKind))]
     pub model: &'static str,
     /// Change of the visible side's light, b of eq. 12.
     pub illumination: Illumination,
-    /// By what factor each patch's own picture of the empty room is multiplied in this frame, apart from what the facets
-    /// explain: exposure, flicker, and whatever else lets all of the floor's light rise or fall alike. None while the empty
-    /// room is learned, and with the published model, which knows no gain.
+    /// Per patch, the factor on each colour's picture of the empty room in this frame, apart from what the facets
+    /// explain: exposure, flicker and anything else that scales all of the floor's light alike. None while the empty
+    /// room is learned, and with the published model, which has no gain.
     #[cfg_attr(feature = "schema", schema(required))]
     pub gain: Option<Gain>,
-    /// What is known of the background where it is followed over time; left out where it is fixed.
+    /// The state of the background if it is followed over time; left out if it is fixed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub background: Option<BackgroundReport>,
     /// The facets that changed.
     pub facets: Vec<FacetReport>,
-    /// People: none while the room is learned.
+    /// People; empty while the room is learned.
     pub tracks: Vec<Track>,
-    /// What people did since the update before; left out where that is nothing.
+    /// What people have done since the previous update; left out if nothing.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub events: Vec<Event>,
-    /// Who is in which zone; left out where none is configured.
+    /// Who is in which zone; left out if no zones are configured.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub zones: Vec<Occupancy>,
     /// Where the time went.
@@ -87,11 +88,11 @@ pub struct SolutionReport {
     pub bound: f64,
     /// The largest violation of a first-order condition, as a share of λ: 0 at a stationary point.
     pub residual: f64,
-    /// Sweeps over the facets and Newton steps.
+    /// Number of sweeps over the facets and of Newton steps.
     pub iterations: usize,
-    /// Whether the cap on them ended it, with the best point so far.
+    /// Whether the limit on iterations ended it, with the best point so far.
     pub capped: bool,
-    /// Whether the previous frame's map was the start.
+    /// Whether it started from the previous frame's map.
     pub warm: bool,
 }
 
@@ -123,13 +124,13 @@ pub struct Gain {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct BackgroundReport {
-    /// Frames that it is the mean of, as many of equal weight.
+    /// Number of frames in the mean, as the equivalent number of frames of equal weight.
     pub frames: u64,
-    /// Seconds since it was learned; none while that goes on.
+    /// Seconds since it was learned; none while it is being learned.
     #[cfg_attr(feature = "schema", schema(required))]
     pub age_s: Option<f64>,
-    /// Of the time that learning takes in a still room, the share that has passed; 1 while waiting for the room to be still.
-    /// None once it is learned.
+    /// Share of the learning time in a still room that has passed, 0 to 1; stays 1 while waiting for the room to be
+    /// still. None once the background is learned.
     #[cfg_attr(feature = "schema", schema(required))]
     pub progress: Option<f64>,
 }
@@ -140,20 +141,20 @@ pub struct BackgroundReport {
 pub struct FacetReport {
     /// Index in the grid.
     pub index: usize,
-    /// Seen from the left edge.
+    /// Change of its radiance seen from the left edge.
     #[cfg_attr(feature = "schema", schema(value_type = doorcam_core::schema::Rgb))]
     pub left: [f32; 3],
-    /// Seen from the right edge.
+    /// Change of its radiance seen from the right edge.
     #[cfg_attr(feature = "schema", schema(value_type = doorcam_core::schema::Rgb))]
     pub right: [f32; 3],
-    /// In the unified map.
+    /// Its colour in the unified map.
     #[cfg_attr(feature = "schema", schema(value_type = doorcam_core::schema::Rgb))]
     pub unified: [f32; 3],
-    /// The factor by which a least-squares refit multiplies this facet's light: its brightness without the penalty's
+    /// The factor by which a least-squares refit multiplies this facet's light: brightness without the penalty's
     /// shrinkage.
     pub refit: f32,
-    /// Whether a second light, of another colour or balance of left and right, would serve as well here: one colour for
-    /// both views is then a bad fit.
+    /// Whether a second light of another colour or left-right balance would improve the fit here: one colour for both
+    /// views then fits badly.
     pub wants_second: bool,
 }
 
@@ -167,11 +168,11 @@ pub struct Timing {
     pub rectify: f64,
     /// Subtracting the background.
     pub background: f64,
-    /// Aᵀy.
+    /// Calculating Aᵀy.
     pub project: f64,
     /// Solving eq. 13.
     pub solve: f64,
-    /// Detecting and following people.
+    /// Detecting and tracking people.
     pub track: f64,
     /// From the encoded frame to the update.
     pub total: f64,
@@ -183,7 +184,7 @@ impl Update {
         Self::blank(model.kind.name(), sequence, time, frame, timing_ms)
     }
 
-    /// An update without a map, of a model of this name.
+    /// An update without a map, for a model of this name.
     pub fn blank(model: &'static str, sequence: u64, time: Timestamp, frame: Option<u64>, timing_ms: Timing) -> Self {
         Self {
             version: 1,
@@ -254,31 +255,31 @@ fn facets(reconstruction: &Reconstruction) -> Vec<FacetReport> {
         .collect()
 }
 
-/// One update as everyone gets it: made once, never changed.
+/// An update as it is shared by all clients: made once, never changed.
 #[derive(Debug)]
 pub struct Published {
     /// The update.
     pub update: Update,
-    /// The same as JSON text, serialised once for all clients.
+    /// The update as JSON text, serialised once for all clients.
     pub json: Arc<str>,
-    /// Views and unified map in the brightness that figures show; none while learning.
+    /// Views and unified map in the brightness that the figures show; none while learning.
     pub scene: Option<Scene>,
-    /// The difference measurement, for pictures; none while learning.
+    /// The difference measurement (eq. 4), for pictures; none while learning.
     pub difference: Option<PatchPair>,
-    /// The floor as this frame shows it, linear light.
+    /// The patches of this frame, in linear light.
     pub patches: Option<PatchPair>,
-    /// Whom this frame shows by itself.
+    /// The people that this frame shows by itself.
     pub detections: Vec<Detection>,
-    /// What the pixels can tell; none while learning, and with the published model.
+    /// What the pixels can measure; none while learning, and with the published model.
     pub sensing: Option<Arc<Sensing>>,
     /// When it was published.
     pub at: Instant,
 }
 
 impl Published {
-    /// Serialises an update for everyone.
+    /// Serialises an update once for all clients.
     pub fn new(update: Update, scene: Option<Scene>, difference: Option<PatchPair>) -> Self {
-        // An update has no map with keys other than strings, the one thing that serialisation refuses.
+        // Serialisation only fails for maps whose keys are not strings, and an update has none.
         let json = serde_json::to_string(&update).unwrap_or_default().into();
         Self {
             update,
@@ -293,11 +294,11 @@ impl Published {
     }
 }
 
-/// What updates are of: a model, and the calibration that it was made for.
+/// What the updates describe: a model, and the calibration it was made for.
 #[derive(Debug, Clone)]
 pub struct Watched {
     /// The model.
     pub model: Arc<Model>,
-    /// Counts calibrations of this run.
+    /// Number of the calibration in this run.
     pub calibration: u32,
 }

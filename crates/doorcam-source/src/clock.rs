@@ -1,9 +1,9 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Time for pacing: the machine's, or a test's.
+/// Time for pacing: the machine's, or simulated in tests.
 pub trait Clock: Send {
-    /// Time since the clock was made.
+    /// Time since the clock was created.
     fn now(&self) -> Duration;
 
     /// Returns when `now` has reached `until`.
@@ -30,12 +30,12 @@ impl Clock for SystemClock {
     }
 }
 
-/// A clock for tests: waiting takes no time, it moves the clock on.
+/// A clock for tests: waiting takes no real time but advances the clock.
 #[derive(Debug, Clone, Default)]
 pub struct ManualClock(Arc<Mutex<Duration>>);
 
 impl ManualClock {
-    /// Moves the clock on, as work that takes `by` would.
+    /// Advances the clock, as work that takes `by` would.
     pub fn advance(&self, by: Duration) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) += by;
     }

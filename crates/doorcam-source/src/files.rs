@@ -1,11 +1,14 @@
-//! Files that are there whole or not at all.
+//! Files that are written completely or not at all.
 
 use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Replaces a file's contents in one step, and makes its directory if need be: after a crash at any moment there is either what
-/// was there before or what is there now.
+/// Replaces a file atomically and durably, creating its directory if needed: after a crash at any moment it has either
+/// its old or its new contents.
+///
+/// # Errors
+/// If the directory or the file cannot be written.
 pub fn replace(file: &Path, bytes: &[u8]) -> io::Result<()> {
     let directory = file.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
     fs::create_dir_all(directory)?;

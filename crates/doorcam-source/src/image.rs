@@ -1,4 +1,4 @@
-//! Encoded and raw frames to samples, and back to a JPEG for people.
+//! Decodes image files and raw frames to samples, and encodes JPEGs for people to look at.
 
 use std::io::Cursor;
 use std::ops::Range;
@@ -6,70 +6,27 @@ use std::ops::Range;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 
+pub use super::image_error::ImageError;
+use super::image_error::{check_size, one_line};
 pub use super::jpeg::JpegDepth;
 use super::jpeg::JpegReader;
-use super::sensor::{SensorFormat, SensorPixels};
+use super::sensor::SensorFormat;
 use doorcam_core::image::{Image, Samples};
 
-/// Why bytes are not an image, or an image cannot be encoded.
-#[derive(Debug, thiserror::Error)]
-pub enum ImageError {
-    /// Neither a JPEG nor a PNG by its first bytes.
-    #[error("neither a JPEG nor a PNG image")]
-    UnknownFormat,
-    /// A broken or truncated JPEG.
-    #[error("broken JPEG: {0}")]
-    Jpeg(String),
-    /// A broken or truncated PNG.
-    #[error("broken PNG: {0}")]
-    Png(String),
-    /// The image has another size than was asked for.
-    #[error("the image has {} x {} pixels, expected {} x {}", got.0, got.1, expected.0, expected.1)]
-    WrongSize {
-        /// Its width and height.
-        got: (usize, usize),
-        /// The width and height asked for.
-        expected: (usize, usize),
-    },
-    /// The image has more pixels than there is reason to make room for.
-    #[error("the image has {0} x {1} pixels, expected 7680 x 4320 or as many at most")]
-    TooLarge(usize, usize),
-    /// A raw frame without all of its bytes.
-    #[error("the raw frame has {got} bytes, expected at least {expected}")]
-    Short {
-        /// Bytes of the frame.
-        got: usize,
-        /// Bytes that its format needs.
-        expected: usize,
-    },
-    /// A layout of raw frames that no frame can have.
-    #[error("a raw frame of {width} x {height} pixels ({pixels:?}) cannot have rows of {stride} bytes")]
-    SensorFormat {
-        /// Pixels across.
-        width: usize,
-        /// Pixels down.
-        height: usize,
-        /// Bytes a row.
-        stride: usize,
-        /// Order and subsampling.
-        pixels: SensorPixels,
-    },
-    /// An image that a JPEG cannot hold.
-    #[error("an image of {0} x {1} pixels does not fit into a JPEG")]
-    Encode(usize, usize),
-}
-
-/// Pixels of the largest image that is decoded: 8K. A file of some hundred bytes may claim to have any number.
-const MOST_PIXELS: usize = 7680 * 4320;
-
-/// Decodes a JPEG or PNG, told apart by its first bytes. A truncated file is an error, not half an image.
+/// Decodes a JPEG or PNG, told apart by their first bytes; JPEGs to 8 bits a sample.
+///
+/// # Errors
+/// If the bytes are neither, or the image is broken, truncated or larger than 8K.
 pub fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
     let mut decoder = ImageDecoder::default();
     decoder.decode(bytes, None)?;
     Ok(decoder.image)
 }
 
-/// A raw frame with 8 bits a sample, for people and files; [`SensorFormat::decode_rows`] is for measuring.
+/// Decodes a raw frame to 8 bits a sample, for people and files; [`SensorFormat::decode_rows`] is for measuring.
+///
+/// # Errors
+/// If the format is impossible or bytes are missing.
 pub fn decode_sensor(format: &SensorFormat, bytes: &[u8]) -> Result<Image, ImageError> {
     let mut image = Image::empty();
     format.decode_rows(bytes, 0..format.height, &mut image)?;
@@ -77,7 +34,10 @@ pub fn decode_sensor(format: &SensorFormat, bytes: &[u8]) -> Result<Image, Image
     Ok(image)
 }
 
-/// Encodes an image as a JPEG of a quality of 1 to 100, for people: what is measured should not go through a JPEG.
+/// Encodes an image as a JPEG of quality 1 to 100, for people: nothing that is measured should pass through a JPEG.
+///
+/// # Errors
+/// If the image is empty, has more than 65535 pixels across or down, or its samples do not fit its size.
 pub fn encode_jpeg(image: &Image, quality: u8) -> Result<Vec<u8>, ImageError> {
     let refused = || ImageError::Encode(image.width, image.height);
     let size = |n: usize| u16::try_from(n).ok().filter(|&n| n > 0).ok_or_else(refused);
@@ -114,23 +74,30 @@ impl Default for ImageDecoder {
 }
 
 impl ImageDecoder {
-    /// One that decodes JPEGs as exactly as that; by default it is for people.
+    /// Decodes JPEGs to this depth; the default is 8 bits, for people.
     pub fn with_jpegs_of(depth: JpegDepth) -> Self {
         Self { jpeg: JpegReader::new(depth), ..Self::default() }
     }
 
-    /// Decodes a JPEG or PNG. A truncated one is an error, not half an image, and so is one that does not have the size
-    /// (width, height) `expected`.
+    /// Decodes a JPEG or PNG.
+    ///
+    /// # Errors
+    /// If the bytes are neither, the image is broken, truncated or larger than 8K, or its (width, height) is not
+    /// `expected`.
     pub fn decode(&mut self, bytes: &[u8], expected: Option<(usize, usize)>) -> Result<&Image, ImageError> {
         self.decode_rows(bytes, expected, 0..usize::MAX)
     }
 
     /// Decodes at least these rows; the image's other rows may be left over from earlier frames.
     ///
-    /// An exactly decoded JPEG is not read below the last of the rows. What is noticed then: a missing end, restart markers
-    /// that are missing or in disorder anywhere, data that end before the rows do or that no JPEG can have. What is not: damage
-    /// below the rows, and without restart markers a part that is missing above or among them, which moves what follows up
-    /// and to the left until the data run out at the end.
+    /// Exact decoding of a JPEG computes only these rows. If it has restart markers, its data below the last of them
+    /// are not read. Without restart markers they are: a missing part moves all that follows up and to the left, and
+    /// shows only in that the data run out at the end. Damage that leaves as many blocks as there were goes unnoticed,
+    /// as does damage in data that are not read.
+    ///
+    /// # Errors
+    /// As for [`ImageDecoder::decode`], for what is read; a missing end marker and missing or misplaced restart markers
+    /// are errors wherever they are.
     pub fn decode_rows(
         &mut self,
         bytes: &[u8],
@@ -145,7 +112,10 @@ impl ImageDecoder {
         Ok(&self.image)
     }
 
-    /// Decodes `rows` of a raw frame, with 16 bits a sample; the image's other rows are left over from earlier frames.
+    /// Decodes `rows` of a raw frame to 16 bits a sample; the image's other rows are left over from earlier frames.
+    ///
+    /// # Errors
+    /// If the format is impossible or bytes are missing.
     pub fn decode_sensor(
         &mut self,
         format: &SensorFormat,
@@ -154,15 +124,6 @@ impl ImageDecoder {
     ) -> Result<&Image, ImageError> {
         format.decode_rows(bytes, rows, &mut self.image)?;
         Ok(&self.image)
-    }
-}
-
-/// An error unless the sizes (width, height) agree, or if there is no room for that size.
-pub(super) fn check_size(got: (usize, usize), expected: Option<(usize, usize)>) -> Result<(), ImageError> {
-    match expected {
-        Some(expected) if got != expected => Err(ImageError::WrongSize { got, expected }),
-        _ if got.0.saturating_mul(got.1) > MOST_PIXELS => Err(ImageError::TooLarge(got.0, got.1)),
-        _ => Ok(()),
     }
 }
 
@@ -184,10 +145,6 @@ fn decode_png(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<Image, I
         other => Samples::Eight(other.into_rgb8().into_raw()),
     };
     Ok(Image { width, height, samples })
-}
-
-pub(super) fn one_line(error: &dyn std::fmt::Display) -> String {
-    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
@@ -218,7 +175,7 @@ mod tests {
         let refused = decode(include_bytes!("../../../fuzz/corpus/png/huge.png")).unwrap_err();
         assert_eq!(
             refused.to_string(),
-            "the image has 40 x 1744830464 pixels, expected 7680 x 4320 or as many at most"
+            "the image has 40 x 1744830464 pixels, expected at most as many as 7680 x 4320"
         );
         let mut jpeg = JPEG.to_vec();
         let frame = jpeg.windows(2).position(|m| m == [0xff, 0xc0]).unwrap();

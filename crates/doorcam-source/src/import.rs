@@ -1,4 +1,4 @@
-//! The authors' data files (repository DoorwayCameraCode) as recordings.
+//! Converts the paper's data files (the authors' repository DoorwayCameraCode) to recordings.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use doorcam_core::geometry::{Doorway, Point, Side};
 use doorcam_core::image::{Image, Samples};
 use doorcam_core::optics::Transfer;
 
-/// Why nothing, or not everything, could be imported.
+/// Why the import failed or stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
     /// The folder is not the authors' repository.
@@ -17,7 +17,7 @@ pub enum ImportError {
         "{0}: no measurement of DoorwayCameraCode found, expected \"Laboratory Data\" and \"Synthetic Data\" in it"
     )]
     NothingFound(PathBuf),
-    /// A recording is there already.
+    /// A recording exists already.
     #[error("{0} exists already; give --force to overwrite it")]
     Exists(PathBuf),
     /// A file cannot be read or written.
@@ -45,21 +45,22 @@ pub enum Outcome {
     },
 }
 
-/// One frame of the authors' against its background.
+/// One of the authors' scenes: a background and a frame.
 struct Scene {
     name: String,
-    /// Left, right of the background, then of the frame; below SRC.
+    /// Left and right of the background, then of the frame; paths below SRC.
     files: [[PathBuf; 2]; 2],
     fov_m: f64,
     notes: String,
-    /// Where who came in stands, in metres in the door frame; none where that is not known.
+    /// Where the frame's targets stand, in metres in the door frame; none where unknown.
     stands: Option<&'static [Point]>,
 }
 
-/// Noise levels of the synthetic frames beside 8000, in light paths a pixel.
+/// Light paths per pixel of the noisier synthetic frames; the least noisy have 8000.
 const OTHER_SAMPLES: [u32; 9] = [4000, 2000, 1000, 500, 250, 125, 60, 30, 15];
 
-/// Where the cylinders of a synthetic scene stand. The paper shows the others in its figures only.
+/// Where the cylinders of a synthetic scene stand, in metres in the door frame. Of other scenes the paper shows only
+/// figures.
 fn known_places(folder: &str) -> Option<&'static [Point]> {
     match folder {
         "Emissive Example" => Some(&[[0.0, 1.0]]),
@@ -121,9 +122,14 @@ fn scenes() -> Vec<Scene> {
     laboratory.chain(std::iter::once(emissive)).chain(levels).collect()
 }
 
-/// Writes a recording below `out` for each scene whose files exist below `src`; `each` is told of every scene, in order.
+/// Writes a recording below `out` for each scene whose files exist below `src`, and calls `each` with every scene's
+/// outcome, in order.
 ///
 /// The background is frame 0, the new frame is frame 1. Images keep their codes; JPEGs become 8-bit PNGs.
+///
+/// # Errors
+/// If `src` has no complete scene, a recording exists and `force` is false, or a file cannot be read, decoded or
+/// written.
 pub fn doorway_camera_code(
     src: &Path,
     out: &Path,
@@ -198,7 +204,7 @@ fn write(scene: &Scene, src: &Path, out: &Path) -> Result<(), ImportError> {
     manifest.write(out).map_err(io(out))
 }
 
-/// Nobody in the background, frame 0; everybody in the new frame, 1. How wide they are and of what colour is not published.
+/// Nobody in frame 0, the background; everybody in frame 1. Their widths and colours are not published.
 fn truth(places: &[Point]) -> Truth {
     let target = |(id, &[x_m, y_m]): (u64, &Point)| Target { id, x_m, y_m, radius_m: 0.0, rgb: [0.0; 3] };
     let targets = (1..).zip(places).map(target).collect();
@@ -222,7 +228,7 @@ fn write_png(image: &Image, to: &Path) -> Result<(), ImportError> {
 mod tests {
     use super::*;
 
-    /// Every measurement of the authors' as one small image.
+    /// The authors' folder, with one small image in place of every measurement.
     fn source() -> tempfile::TempDir {
         let dir = tempfile::tempdir().unwrap();
         let image = Image { width: 4, height: 4, samples: Samples::Eight(vec![90; 48]) };

@@ -1,12 +1,90 @@
-//! Where frames come from: one trait, and a source for each place.
+//! Frames for a doorway camera: from recordings and webcams, behind one trait.
+//!
+//! A [`Source`] delivers events: frames, and whatever else happens to a source, such as lost frames or an unplugged
+//! camera. A [`RawFrame`] is not decoded yet, because a frame that a newer one replaces never needs to be. The crate
+//! knows nothing of maps and people: `doorcam-engine` turns frames into those.
+//!
+//! # Modules
+//!
+//! Along the way of a frame:
+//!
+//! | Module | What it does |
+//! |---|---|
+//! | [`camera`] | a camera that may come and go: opened, its automatics locked, watched and opened again |
+//! | `v4l2` | webcams through Linux's V4L2, behind [`camera`]'s traits (feature `v4l2`) |
+//! | [`recording`] | recordings: a directory with a manifest and images; [`Replay`] makes a source of one |
+//! | [`sensor`] | raw pixels as drivers deliver them (YUYV, NV12, RGB, grey) |
+//! | [`image`] | decodes JPEG and PNG, JPEGs either to 8 bits or exactly, without rounding, to measure with |
+//! | [`recorder`] | writes frames into a recording while they arrive |
+//! | [`truth`] | where people really were in a recording |
+//! | [`import`] | the data files of the paper's authors, as recordings |
+//! | [`files`] | files that are written completely or not at all |
+//!
+//! # Conventions
+//!
+//! - **Time.** A frame's `seconds` are on its source's own clock. They order frames and say how far apart they are, but
+//!   are no time of day. Sources wait by a [`Clock`], so that tests need not.
+//! - **Door frame.** Places in manifests and in the truth are in metres. The origin is on the floor at the middle of
+//!   the opening, in the plane of the wall's hidden face. For someone on the visible side who faces the door, x points
+//!   to the right, y into the hidden room and z up.
+//! - **Pairs** of images are left then right, as seen by that person.
+//! - **Light.** Images hold codes as the camera made them; the manifest's transfer function says what linear light they
+//!   stand for.
+//! - **Faults.** A frame that cannot be read is a [`SkippedFrame`], and the source goes on. Errors name the file and
+//!   the key, and what was expected.
+//!
+//! # Features
+//!
+//! - `v4l2` (off by default): webcams. Needs Linux, and libclang to build.
+//! - `schema` (off by default): OpenAPI schemas of the public types, with utoipa.
+//!
+//! # Example
+//!
+//! Makes a small recording of five frames, the first two of the empty room, and reads it back:
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use doorcam_core::image::{Image, Samples};
+//! use doorcam_source::image::{decode, encode_jpeg};
+//! use doorcam_source::recording::Recording;
+//! use doorcam_source::{Pace, Purpose, RawImages, Replay, ReplayOptions, Source, SourceEvent, SystemClock};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let directory = tempfile::tempdir()?;
+//! let manifest = r#"{"fps": 10, "layout": "patches", "transfer": "srgb", "doorway": {"width_m": 0.9}, "fov_m": 0.3,
+//!     "background_frames": [0, 2]}"#;
+//! std::fs::write(directory.path().join("recording.json"), manifest)?;
+//! std::fs::create_dir(directory.path().join("frames"))?;
+//! let patch = Image { width: 64, height: 64, samples: Samples::Eight(vec![120; 3 * 64 * 64]) };
+//! for name in (0..5).flat_map(|n| [format!("{n:08}_left.jpg"), format!("{n:08}_right.jpg")]) {
+//!     std::fs::write(directory.path().join("frames").join(name), encode_jpeg(&patch, 90)?)?;
+//! }
+//!
+//! let recording = Recording::open(directory.path())?;
+//! let options = ReplayOptions { pace: Pace::Max, looped: false };
+//! let mut source = Replay::new(Arc::new(recording), options, SystemClock::default());
+//! let mut empty = 0;
+//! while let Some(event) = source.next() {
+//!     let SourceEvent::Frame(frame) = event else { continue };
+//!     let RawImages::Patches([left, _]) = &frame.images else { continue };
+//!     let left = decode(left)?;
+//!     println!("{:.1} s: {} x {} pixels, {:?}", frame.seconds, left.width, left.height, frame.purpose);
+//!     empty += usize::from(frame.purpose == Purpose::Background);
+//! }
+//! assert_eq!(empty, 2);
+//! # Ok(())
+//! # }
+//! ```
 
-// What a user, a file or a device gives must never panic.
+// Input from users, files and devices must never cause a panic.
 #![warn(clippy::unwrap_used, clippy::expect_used)]
 
 pub mod camera;
 mod clock;
 pub mod files;
 pub mod image;
+mod image_error;
 pub mod import;
 mod jpeg;
 #[cfg_attr(not(feature = "v4l2"), allow(dead_code))]
@@ -29,48 +107,48 @@ pub use replay::{Pace, Replay, ReplayOptions, load};
 use sensor::SensorFormat;
 use serde::Serialize;
 
-/// A frame as it was captured, not yet decoded: what is replaced by a newer frame need not be decoded at all.
+/// A frame as captured, not yet decoded: a frame that a newer one replaces need not be decoded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RawFrame {
     /// Number of the frame in its recording; none for a live camera.
     pub index: Option<u64>,
-    /// What it is for.
+    /// What the frame is for.
     pub purpose: Purpose,
     /// Time of capture, in seconds on the source's clock.
     pub seconds: f64,
-    /// The encoded images.
+    /// The undecoded images.
     pub images: RawImages,
-    /// When it was captured, if the device tells; otherwise it counts as captured when it is handed over.
+    /// Time of day of the capture, if the device reports it; otherwise the time of its hand-over counts.
     pub time: Option<Timestamp>,
-    /// What to call it in messages: a file name, or the camera's.
+    /// Its name in messages: the file's or the camera's.
     pub name: Arc<str>,
 }
 
 /// What a frame is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// It comes before the background: nothing yet.
+    /// It precedes the background frames and has no role.
     Before,
     /// It shows the empty room.
     Background,
     /// It is to be compared with the background.
     Watch,
-    /// Nobody knows: a live camera's frame.
+    /// Unknown, as for every frame of a live camera.
     Live,
 }
 
-/// The images of a frame. Bytes are shared, never copied, and a camera's buffers are used again once nobody holds them.
+/// The images of a frame. Bytes are shared, not copied; a camera's buffers are reused once nobody holds them.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RawImages {
     /// The camera's view, as a JPEG or PNG.
     Camera(Arc<Vec<u8>>),
-    /// The camera's view, as the sensor's driver gives it.
+    /// The camera's view, as raw pixels from its driver.
     Sensor(SensorFormat, Arc<Vec<u8>>),
     /// Rectified patches, left then right.
     Patches([Arc<Vec<u8>>; 2]),
 }
 
-/// A frame that could not be had; the next one may well be fine.
+/// A frame that could not be read or decoded. The next one may be fine.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{name}: {reason}")]
 pub struct SkippedFrame {
@@ -80,44 +158,44 @@ pub struct SkippedFrame {
     pub reason: String,
 }
 
-/// What a source says next.
+/// What a source reports.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SourceEvent {
     /// A frame.
     Frame(RawFrame),
-    /// A frame that could not be had.
+    /// A frame that could not be read.
     Skipped(SkippedFrame),
-    /// Frames that the camera made and nobody could fetch in time, or that it never finished.
+    /// Number of frames that the camera made but that were not fetched in time, or that it never finished.
     Lost(u64),
-    /// Frames that arrived but were no longer the newest when they were looked at.
+    /// Number of frames that arrived but were no longer the newest when they were fetched.
     Superseded(u64),
-    /// How the source is doing now.
+    /// The source's condition has changed.
     Condition(Condition),
-    /// Nothing yet: a chance to end.
+    /// Nothing yet: lets the caller check whether to stop.
     Nothing,
 }
 
-/// How a source is doing, in words for people and for programs.
+/// The condition of a source.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Condition {
-    /// Where it stands.
+    /// Its state.
     pub state: SourceState,
-    /// Why, in one line; none while all is well.
+    /// The reason for the state, in one line; none while all is well.
     pub reason: Option<String>,
-    /// What the device granted; none while it is not open, and for what is not a device.
+    /// What the device granted; none while it is not open, and for sources that are not devices.
     pub granted: Option<Granted>,
 }
 
-/// Where a source stands.
+/// The state of a source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum SourceState {
     /// Before the first frame.
     Opening,
-    /// Frames come.
+    /// Frames are arriving.
     Streaming,
-    /// The device is there but gives no frames.
+    /// The device is present but delivers no frames.
     Stalled,
     /// The device is gone.
     Lost,
@@ -129,13 +207,13 @@ pub enum SourceState {
     Failed,
 }
 
-/// What a camera granted, which need not be what it was asked for.
+/// What a camera granted, which may differ from what was requested.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Granted {
     /// The device node in use.
     pub node: String,
-    /// The camera's name for itself.
+    /// The name that the camera reports.
     pub card: String,
     /// Pixel format, as a FourCC.
     pub format: String,
@@ -144,24 +222,24 @@ pub struct Granted {
     pub size: [usize; 2],
     /// Frames a second.
     pub fps: f64,
-    /// Values of the controls that matter, by name.
+    /// Values of the controls that doorcam manages, by name.
     pub controls: BTreeMap<String, i64>,
-    /// Controls that do not have the values that were asked for: one line each.
+    /// One line for each control that does not have the requested value.
     pub mismatches: Vec<String>,
 }
 
-/// Anything that frames come from. Each runs on a thread of its own and blocks as it needs to.
+/// A source of frames. Each runs on its own thread and may block.
 pub trait Source: Send {
-    /// Waits for what comes next, a live device for a fraction of a second; none when there will be no more.
+    /// Waits for the next event, on a live device for at most a fraction of a second; none when there will be no more.
     fn next(&mut self) -> Option<SourceEvent>;
 
-    /// Whether every frame must be solved, as fast as that goes, rather than the newest one.
+    /// Whether the frame that came last has to be solved, rather than dropped once there is a newer one.
     fn lossless(&self) -> bool {
         false
     }
 }
 
-/// A source that cannot be opened.
+/// Why a source cannot be opened.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {reason}")]
 pub struct SourceError {
@@ -170,7 +248,7 @@ pub struct SourceError {
 }
 
 impl SourceError {
-    /// Names the file at fault and what was expected of it.
+    /// An error about the file `path`; `reason` says what was expected of it.
     pub fn new(path: &Path, reason: impl Into<String>) -> Self {
         Self { path: path.display().to_string(), reason: reason.into() }
     }

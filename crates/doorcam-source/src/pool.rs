@@ -1,10 +1,10 @@
 use std::sync::Arc;
 
-/// Buffers that are used again once nobody holds them, so that capturing allocates nothing after a few frames.
+/// Buffers that are reused once nobody holds them, so that capturing allocates nothing after a few frames.
 #[derive(Debug, Default)]
 pub struct BufferPool(Vec<Arc<Vec<u8>>>);
 
-/// So many buffers are kept; more than this many readers at once allocate.
+/// Most buffers that are kept. While all of them are held, further copies are allocated.
 const KEPT: usize = 16;
 
 impl BufferPool {

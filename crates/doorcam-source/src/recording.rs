@@ -1,4 +1,4 @@
-//! Recordings: a directory with a manifest, frames and, perhaps, times and truth (DESIGN: the recording contract).
+//! Recordings: a directory with a manifest, frames and, optionally, times and truth (docs/recordings.md).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use doorcam_core::calibration::Calibration;
 use doorcam_core::geometry::{Doorway, Side};
 use doorcam_core::optics::{FloorPoint, Lens, Transfer};
 
-/// `recording.json`.
+/// The manifest of a recording, `recording.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Frames a second.
@@ -24,19 +24,19 @@ pub struct Manifest {
     pub size: Option<[usize; 2]>,
     /// The doorway.
     pub doorway: Doorway,
-    /// Layout camera: image positions of known floor positions, at least four.
+    /// Layout camera: at least four points with known positions in the image (pixels) and on the floor (m, door frame).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub floor_points: Vec<FloorPoint>,
-    /// Layout camera: the lens's distortion; none if straight lines look straight.
+    /// Layout camera: the lens's distortion; none if straight lines appear straight.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lens: Option<Lens>,
     /// Layout patches: side of the square of floor that each image shows, in metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fov_m: Option<f64>,
-    /// First frame of the empty room, and the one after the last.
+    /// Frames of the empty room: the first, and the one after the last.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background_frames: Option<[u64; 2]>,
-    /// Where the recording comes from, for people.
+    /// Notes for people, such as where the recording comes from.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub notes: String,
 }
@@ -58,7 +58,7 @@ pub enum Files {
     Camera(PathBuf),
     /// Layout patches: left, right.
     Patches(PathBuf, PathBuf),
-    /// A number in the sequence has no file, or only one of its two: the name that was looked for.
+    /// A number of the sequence without a file, or with only one of two: the path that was expected.
     Missing(PathBuf),
 }
 
@@ -69,11 +69,11 @@ pub struct Entry {
     pub index: u64,
     /// Time of capture, in seconds on the recording's own clock.
     pub seconds: f64,
-    /// Its image files.
+    /// The image files.
     pub files: Files,
 }
 
-/// An opened recording: manifest and list of frames. Images are read one by one later.
+/// An opened recording: its manifest and list of frames. Images are read later, one by one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
     /// The directory.
@@ -82,12 +82,15 @@ pub struct Recording {
     pub manifest: Manifest,
     /// The frames in order.
     pub frames: Vec<Entry>,
-    /// Keys of the manifest that this version does not know.
+    /// Keys of the manifest that this version ignores.
     pub unknown_keys: Vec<String>,
 }
 
 impl Recording {
     /// Reads the manifest and lists the frames.
+    ///
+    /// # Errors
+    /// If the manifest or `timestamps.csv` is unreadable or invalid, or there are no images.
     pub fn open(path: &Path) -> Result<Self, SourceError> {
         let file = path.join("recording.json");
         let text = std::fs::read_to_string(&file)
@@ -99,7 +102,7 @@ impl Recording {
         Ok(Self { path: path.to_owned(), manifest, frames, unknown_keys })
     }
 
-    /// What a frame is for, by `background_frames`.
+    /// What a frame is for, according to `background_frames`.
     pub fn purpose(&self, index: u64) -> Purpose {
         match self.manifest.background_frames {
             Some([first, _]) if index < first => Purpose::Before,
@@ -134,7 +137,7 @@ fn parse_manifest(text: &str) -> Result<(Manifest, Vec<String>), String> {
 }
 
 impl Manifest {
-    /// The calibration of the camera that it is of; none if the images are rectified patches.
+    /// The camera's calibration; none if the images are rectified patches.
     pub fn calibration(&self) -> Option<Calibration> {
         (self.layout == Layout::Camera).then(|| Calibration {
             size: self.size.unwrap_or_default(),
@@ -145,7 +148,7 @@ impl Manifest {
         })
     }
 
-    /// Takes this calibration in place of what it says.
+    /// Replaces the manifest's calibration.
     pub fn set_calibration(&mut self, calibration: &Calibration) {
         self.size = Some(calibration.size);
         self.doorway = calibration.doorway;
@@ -154,7 +157,7 @@ impl Manifest {
         self.transfer = calibration.transfer().clone();
     }
 
-    /// The manifest of a recording of a calibrated camera's images.
+    /// A manifest for images of a calibrated camera.
     pub fn of_camera(calibration: &Calibration, fps: f64, notes: String) -> Self {
         Self {
             fps,
@@ -171,6 +174,9 @@ impl Manifest {
     }
 
     /// Writes `recording.json` into the directory `recording`.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn write(&self, recording: &Path) -> std::io::Result<()> {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');
@@ -197,22 +203,22 @@ impl Manifest {
         match self.layout {
             Layout::Patches => match self.fov_m {
                 Some(fov) => positive("fov_m", fov, "metres"),
-                None => Err("fov_m is missing, expected with layout \"patches\" the patches' side in metres".into()),
+                None => Err("fov_m is missing; layout \"patches\" needs the patches' side in metres".into()),
             },
             Layout::Camera if self.floor_points.len() < 4 => Err(format!(
                 "floor_points has {} points, expected at least 4 with layout \"camera\"",
                 self.floor_points.len()
             )),
-            // What of the patches the camera sees is known from this before the first image.
+            // The size determines, before the first image, which parts of the patches the camera sees.
             Layout::Camera if self.size.is_none() => {
-                Err("size is missing, expected with layout \"camera\" the images' [width, height] in pixels".into())
+                Err("size is missing; layout \"camera\" needs the images' [width, height] in pixels".into())
             }
             Layout::Camera => Ok(()),
         }
     }
 }
 
-/// An I/O error in words without the operating system's number.
+/// An I/O error in words; without the operating system's error number where it is a usual one.
 fn reason(error: &std::io::Error) -> String {
     match error.kind() {
         std::io::ErrorKind::NotFound => "no such file or directory".into(),
@@ -221,7 +227,7 @@ fn reason(error: &std::io::Error) -> String {
     }
 }
 
-/// index -> seconds of `timestamps.csv`; empty if there is none.
+/// Seconds by frame number from `timestamps.csv`; empty if there is none.
 fn read_times(file: &Path) -> Result<BTreeMap<u64, f64>, SourceError> {
     let text = match std::fs::read_to_string(file) {
         Ok(text) => text,
@@ -279,7 +285,7 @@ fn list_frames(path: &Path, manifest: &Manifest, times: &BTreeMap<u64, f64>) -> 
     Ok(files.into_iter().map(|(index, f)| Entry { index, seconds: clock(index), files: in_folder(f) }).collect())
 }
 
-/// Frames by number; where the names are not numbers, by their place in the list.
+/// Frames by number, or by their place in the list if not all names are distinct numbers.
 fn camera_files(names: Vec<PathBuf>) -> Vec<(u64, Files)> {
     let number = |name: &Path| name.file_stem()?.to_str()?.parse::<u64>().ok();
     let numbered: Option<BTreeMap<u64, PathBuf>> =
@@ -310,7 +316,7 @@ fn patch_files(names: Vec<PathBuf>) -> Vec<(u64, Files)> {
     with_gaps(pairs.into_iter().map(files).collect(), "_left")
 }
 
-/// Longest run of missing numbers that is taken for lost frames rather than for another way of numbering.
+/// Longest run of missing numbers that counts as lost frames rather than as another way of numbering.
 const LONGEST_GAP: u64 = 1000;
 
 /// Adds an entry for each number that is missing between two others.
@@ -418,7 +424,7 @@ mod tests {
         );
         assert_eq!(
             with(", \"fov_m\": 0.15", ""),
-            "DIR/recording.json: fov_m is missing, expected with layout \"patches\" the patches' side in metres"
+            "DIR/recording.json: fov_m is missing; layout \"patches\" needs the patches' side in metres"
         );
         assert_eq!(
             with("\"patches\"", "\"camera\""),
@@ -433,7 +439,7 @@ mod tests {
         let unsized_camera = MANIFEST.replace("\"patches\"", points).replace("\"size\": [64, 64],", "");
         assert_eq!(
             error(&unsized_camera, &["00000000.png"]),
-            "DIR/recording.json: size is missing, expected with layout \"camera\" the images' [width, height] in pixels"
+            "DIR/recording.json: size is missing; layout \"camera\" needs the images' [width, height] in pixels"
         );
         assert!(error(MANIFEST, &[]).starts_with("DIR/frames: no images"));
     }

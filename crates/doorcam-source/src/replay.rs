@@ -7,10 +7,10 @@ use super::{Clock, Purpose, RawFrame, RawImages, SkippedFrame, Source, SourceEve
 /// How fast a recording is replayed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
-    /// At the times of the recording, but for frames of the empty room at its beginning: the first time, they come as fast as they
-    /// can be learned.
+    /// At the times of the recording, except for frames of the empty room at its beginning: in the first round, they
+    /// come as fast as they can be learned.
     Recorded,
-    /// As fast as the frames can be solved, every one of them.
+    /// Every frame, as fast as they can be solved.
     Max,
 }
 
@@ -19,29 +19,43 @@ pub enum Pace {
 pub struct ReplayOptions {
     /// How fast.
     pub pace: Pace,
-    /// Whether to begin again at the end.
+    /// Whether to start over at the end.
     pub looped: bool,
 }
 
-/// Frames of a recording, from its files.
+/// Replays the frames of a recording from its files.
 pub struct Replay<C> {
     recording: Arc<Recording>,
     options: ReplayOptions,
     clock: C,
     next: usize,
-    /// When, on the clock, this round's frame at `begin_s` is due.
+    /// Time on the clock at which this round's frame at `begin_s` is due.
     round_start: Duration,
-    /// Seconds from the first frame to the first one that is waited for.
+    /// Seconds from the recording's first frame to the first one that is paced.
     begin_s: f64,
-    /// Whether all frames so far were of the empty room: nobody needs to wait for what is only learned.
+    /// Whether all frames so far were of the empty room. Frames that are only learned from are not paced.
     learning: bool,
+    /// Whether this is the first round, in which frames of the empty room are learned from.
+    first_round: bool,
+    /// Whether the last frame was one that is learned from.
+    given: bool,
 }
 
 impl<C: Clock> Replay<C> {
-    /// Starts at the first frame, now.
+    /// Starts now, at the first frame.
     pub fn new(recording: Arc<Recording>, options: ReplayOptions, clock: C) -> Self {
         let round_start = clock.now();
-        Self { recording, options, clock, next: 0, round_start, begin_s: 0.0, learning: true }
+        Self {
+            recording,
+            options,
+            clock,
+            next: 0,
+            round_start,
+            begin_s: 0.0,
+            learning: true,
+            first_round: true,
+            given: false,
+        }
     }
 
     /// Time from the first frame to one period after the last.
@@ -59,6 +73,7 @@ impl<C: Clock> Source for Replay<C> {
                 return None;
             }
             self.next = 0;
+            (self.first_round, self.learning) = (false, false);
             self.round_start += Duration::from_secs_f64((self.round_length() - self.begin_s).max(0.0));
             self.begin_s = 0.0;
         }
@@ -67,7 +82,9 @@ impl<C: Clock> Source for Replay<C> {
         let first = self.recording.frames[0].seconds;
         let offset = (entry.seconds - first).max(0.0);
         let frame = load(&self.recording, entry);
-        if self.learning && self.recording.purpose(entry.index) != Purpose::Background {
+        let purpose = self.recording.purpose(entry.index);
+        self.given = self.first_round && purpose == Purpose::Background;
+        if self.learning && purpose != Purpose::Background {
             self.learning = false;
             (self.round_start, self.begin_s) = (self.clock.now(), offset);
         }
@@ -78,11 +95,14 @@ impl<C: Clock> Source for Replay<C> {
     }
 
     fn lossless(&self) -> bool {
-        self.options.pace == Pace::Max || self.learning
+        self.options.pace == Pace::Max || self.given
     }
 }
 
 /// Reads a frame's image files.
+///
+/// # Errors
+/// If a file is missing from the sequence or cannot be read.
 pub fn load(recording: &Recording, entry: &Entry) -> Result<RawFrame, SkippedFrame> {
     let relative = |path: &std::path::Path| path.strip_prefix(&recording.path).unwrap_or(path).display().to_string();
     let read = |path: &std::path::Path| -> Result<Arc<Vec<u8>>, SkippedFrame> {
@@ -147,7 +167,7 @@ mod tests {
             seen,
             [
                 (0, Ok((Some(0), Purpose::Background))),
-                // What is learned is not waited for, and the recording's time goes on from there.
+                // Frames that are only learned from are not paced; the recording's time starts after them.
                 (0, missing.clone()),
                 (250, Ok((Some(2), Purpose::Watch))),
                 (500, Ok((Some(0), Purpose::Background))),
@@ -162,12 +182,12 @@ mod tests {
         let clock = ManualClock::default();
         let mut replay = Replay::new(recording, ReplayOptions { pace: Pace::Recorded, looped: true }, clock.clone());
         replay.next();
-        // The first one that is not only learned.
+        // The first frame that is not only learned from.
         replay.next();
         clock.advance(Duration::from_millis(400));
         replay.next();
         assert_eq!(clock.now().as_millis(), 400);
-        // The next round goes on at the recording's times.
+        // The next round continues at the recording's times.
         replay.next();
         assert_eq!(clock.now().as_millis(), 500);
     }

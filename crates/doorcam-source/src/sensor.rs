@@ -1,8 +1,8 @@
-//! What a sensor's driver delivers: pixels that are not an image file.
+//! Raw pixels as a camera's driver delivers them.
 
 use std::ops::Range;
 
-use super::image::ImageError;
+use crate::image_error::ImageError;
 use doorcam_core::image::Image;
 
 /// How the bytes of a raw frame are laid out.
@@ -18,7 +18,7 @@ pub struct SensorFormat {
     pub stride: usize,
     /// Whether samples use all 8 bits; otherwise black to white is 16..=235, and chroma 16..=240.
     pub full_range: bool,
-    /// How luma and chroma make red, green and blue.
+    /// Matrix from luma and chroma to red, green and blue.
     pub matrix: LumaMatrix,
 }
 
@@ -27,11 +27,11 @@ pub struct SensorFormat {
 pub enum SensorPixels {
     /// Y0 Cb Y1 Cr: two pixels share their chroma.
     Yuyv,
-    /// A plane of luma, then one of Cb Cr for each 2 x 2 pixels.
+    /// A plane of luma, then a plane with one Cb Cr pair for each 2 x 2 pixels.
     Nv12,
     /// Red, green, blue.
     Rgb24,
-    /// Luma alone.
+    /// Luma only.
     Grey,
 }
 
@@ -45,7 +45,7 @@ pub enum LumaMatrix {
 }
 
 impl LumaMatrix {
-    /// Weights of red and blue.
+    /// Weights of red and blue; green has the rest of 1.
     fn weights(self) -> (f64, f64) {
         match self {
             LumaMatrix::Bt601 => (0.299, 0.114),
@@ -55,7 +55,10 @@ impl LumaMatrix {
 }
 
 impl SensorFormat {
-    /// Bytes that a frame has at least: the last row's padding may be missing.
+    /// The least number of bytes in a frame: the last row's padding may be missing.
+    ///
+    /// # Errors
+    /// If the format has no pixels, a row does not fit its stride, or the size overflows.
     pub fn bytes(&self) -> Result<usize, ImageError> {
         self.checked_bytes().ok_or(ImageError::SensorFormat {
             width: self.width,
@@ -80,15 +83,18 @@ impl SensorFormat {
         if self.width == 0 || self.height == 0 || self.stride < row {
             return None;
         }
-        // 3 samples of 2 bytes a pixel must be addressable, too.
+        // The decoded image, 3 samples of 2 bytes a pixel, must be addressable too.
         self.width.checked_mul(self.height)?.checked_mul(6)?;
         (rows - 1).checked_mul(self.stride)?.checked_add(row)
     }
 
-    /// Red, green and blue of `rows` of a frame, as 16-bit codes, into `image`, which gets this frame's size. Rows beside
-    /// them keep what they had. Pixels that share their chroma get the same chroma.
+    /// Decodes `rows` of a frame to red, green and blue as 16-bit codes in `image`, which takes on the frame's size.
+    /// Its other rows keep their contents. Chroma is not interpolated between the pixels that share it.
     ///
-    /// 8 bits of luma and chroma make more than 8 bits of colour: rounding them would add noise.
+    /// 8 bits of luma and chroma give more than 8 bits of colour: rounding to 8 bits would add noise.
+    ///
+    /// # Errors
+    /// If the format is impossible or `bytes` are fewer than [`SensorFormat::bytes`].
     pub fn decode_rows(&self, bytes: &[u8], rows: Range<usize>, image: &mut Image) -> Result<(), ImageError> {
         let expected = self.bytes()?;
         if bytes.len() < expected {
@@ -131,10 +137,10 @@ impl SensorFormat {
     }
 }
 
-/// Bits behind the point of a code in the tables.
+/// Fraction bits of the fixed-point codes in the tables.
 const FRACTION: u32 = 12;
 
-/// What each value of a sample adds to the 16-bit codes of red, green and blue.
+/// For each value of a sample, its contribution to the 16-bit codes of red, green and blue, in fixed point.
 struct Tables {
     luma: [i32; 256],
     red_cr: [i32; 256],
@@ -160,7 +166,7 @@ impl Tables {
         }
     }
 
-    /// What a Cb and a Cr add to red, green and blue.
+    /// Contribution of a Cb and a Cr to red, green and blue.
     fn chroma(&self, cb: u8, cr: u8) -> [i32; 3] {
         let (cb, cr) = (usize::from(cb), usize::from(cr));
         [self.red_cr[cr], self.green_cb[cb] + self.green_cr[cr], self.blue_cb[cb]]
@@ -176,7 +182,7 @@ impl Tables {
     }
 }
 
-/// A code without its fraction; beyond black and white there is nothing.
+/// Rounds a fixed-point code, clamped to black and white.
 fn rounded(code: i32) -> u16 {
     ((code + (1 << (FRACTION - 1))) >> FRACTION).clamp(0, 65535) as u16
 }
@@ -258,7 +264,7 @@ mod tests {
             for (k, rgb) in codes.chunks(3).enumerate() {
                 let (x, y) = (k % format.width, k / format.width);
                 if !(from..to).contains(&y) {
-                    prop_assert_eq!(rgb, [7, 7, 7], "row {} is none of these", y);
+                    prop_assert_eq!(rgb, [7, 7, 7], "row {} was not asked for", y);
                     continue;
                 }
                 for (code, truth) in rgb.iter().zip(literal(&format, &bytes, x, y)) {

@@ -1,4 +1,4 @@
-//! Where everybody in the hidden room really is: `truth.json` (DESIGN: the recording contract).
+//! Ground truth of a recording, where everybody in the hidden room really is: `truth.json` (docs/recordings.md).
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use doorcam_core::scene::Rgb;
 /// The truth of a recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
-    /// Frame by frame; a frame that is missing is not known.
+    /// Frame by frame. Of a frame that is not listed, the truth is unknown.
     pub frames: Vec<TrueFrame>,
 }
 
@@ -18,41 +18,41 @@ pub struct Truth {
 pub struct TrueFrame {
     /// Number of the frame.
     pub index: u64,
-    /// Its time, in seconds.
+    /// Time of the frame, in seconds.
     pub t: f64,
-    /// Everybody in the room.
+    /// Everybody in the hidden room.
     pub targets: Vec<Target>,
 }
 
 /// One person.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Target {
-    /// Who it is.
+    /// Identifies the person across frames.
     pub id: u64,
-    /// The body's axis, in metres in the door frame.
+    /// The body's axis, x in the door frame, in metres.
     pub x_m: f64,
-    /// The same, into the room.
+    /// The body's axis, y in the door frame (into the hidden room), in metres.
     pub y_m: f64,
     /// The body's radius, in metres.
     #[serde(default)]
     pub radius_m: f64,
-    /// Its colour.
+    /// The body's colour, linear.
     #[serde(default)]
     pub rgb: Rgb,
 }
 
-/// Why there is no truth to compare with.
+/// Why `truth.json` cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TruthError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("{0}: {1}")]
     Io(PathBuf, std::io::Error),
-    /// It is not what it should be.
+    /// The contents are invalid.
     #[error("{path}: {key}: {message}")]
     Invalid {
         /// The file.
         path: PathBuf,
-        /// Where in it.
+        /// The key at fault.
         key: String,
         /// What is wrong.
         message: String,
@@ -63,7 +63,10 @@ impl Truth {
     /// Name of the file in a recording.
     pub const FILE: &str = "truth.json";
 
-    /// Reads the truth of a recording; none if it has none.
+    /// Reads the truth of the recording in `directory`; none if it has no such file.
+    ///
+    /// # Errors
+    /// If the file exists but cannot be read, or is invalid.
     pub fn of_recording(directory: &Path) -> Result<Option<Self>, TruthError> {
         let path = directory.join(Self::FILE);
         let text = match std::fs::read_to_string(&path) {

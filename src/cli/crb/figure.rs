@@ -1,4 +1,4 @@
-//! Figure 5 of the paper, for any setup, and the curves of a sweep.
+//! Figure 5 of the paper for any setup, and the curves of a sweep.
 
 use anyhow::Context;
 use doorcam_core::bound::{Choice, Strategy, place_of, sample_measurement};
@@ -60,7 +60,7 @@ fn regions(arguments: &Arguments, strategy: Strategy, rows: &[Row]) -> Vec<Regio
     rows.iter().map(region).collect()
 }
 
-/// The error against what is swept, a panel a place.
+/// The error against the swept value, one panel per place.
 fn curves(target: &Target, choice: Choice, values: usize, rows: &[Row]) -> String {
     let panel = |rows: &[Row]| {
         let curve = |(k, strategy): (usize, Strategy)| Curve {
@@ -92,7 +92,7 @@ fn caption(arguments: &Arguments, target: &Target) -> String {
     caption
 }
 
-/// What is measured, in words.
+/// The setup in words.
 fn setting(target: &Target) -> String {
     let measured = target.measured();
     let mut caption = format!("Edges {} m apart, ", measured.doorway.width_m);
@@ -104,8 +104,8 @@ fn setting(target: &Target) -> String {
         + &match target {
             Target::Point(setup) => format!("; noise {:e}, brightness 1.", setup.noise),
             Target::Person(setup) => format!(
-                "; noise {} % of the floor's level. A person {} m high with a contrast of {} %; gain and even light of each \
-                 patch unknown, {} % of the light from the visible side.",
+                "; noise {} % of the floor's level. A person {} m high with a contrast of {} %; gain and even light of \
+                 each patch unknown, {} % of the light from the visible side.",
                 100.0 * setup.measured.noise,
                 setup.height_m,
                 format!("{}", 100.0 * setup.contrast).replace('-', "−"),

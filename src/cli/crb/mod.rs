@@ -13,24 +13,25 @@ use rayon::prelude::*;
 
 use options::{Angles, Sweep, Target, TargetOptions};
 
-/// Tell how well a hidden target can be located at all: the Cramér-Rao bound (figure 5 of the paper)
+/// Compute how well a hidden target can be located at best: the Cramér-Rao bound (figure 5 of the paper)
 ///
-/// No unbiased estimate from the same pixels has smaller standard deviations. Four ways to measure are compared: the left patch
-/// of floor without an edge (single-patch) and with it (single-corner), both patches without edges (double-patch) and with
-/// them (doorway). Without --output a table, also in metres.
+/// No unbiased estimate from the same pixels has smaller standard deviations. Four ways to measure are compared: the
+/// left patch of floor without an edge (single-patch) and with it (single-corner), both patches without edges
+/// (double-patch) and with them (doorway). Without --output, a table is printed, also in metres.
 ///
-/// The target is a point of brightness 1 on the hidden floor, as in the paper, or with --person somebody in a lit room.
-/// Angles are those at the left and at the right edge, from the opening's side, in degrees.
+/// The target is a point of brightness 1 on the hidden floor, as in the paper, or with --person a person in a lit room.
+/// Angles are measured at the left and the right edge, from the side of the opening, in degrees.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-A file is what its name ends in: .svg and .png show the figure, or the curves of a sweep; .csv has the numbers:
+The file's extension sets its format: .svg and .png show the figure, or the curves of a sweep; .csv has the numbers:
   strategy, phi1_deg, phi2_deg, sd_c, sd_phi1_rad, sd_phi2_rad
-With --sweep, the swept value comes first, and x_m, y_m, sd_x_m, sd_y_m, corr_xy, error_m last. What the pixels
-cannot tell is inf, in the table a dash.
+With --sweep, the swept value comes first, and x_m, y_m, sd_x_m, sd_y_m, corr_xy, error_m last. A value that the
+pixels do not determine is inf, or a dash in the table.
 
-corr: correlation of x and y. error: root of the mean squared distance from the true place, what an evaluation calls RMSE.
+corr is the correlation of x and y; error is the root of the mean squared distance from the true place (the RMSE of
+an evaluation).
 
-With --sweep, light is counted as photons are: a pixel that gets k times the light, by its area or the exposure, has
+With --sweep, noise follows photon statistics: a pixel that gets k times the light, by its area or the exposure, has
 the square root of k times the noise.
 
 Examples:
@@ -41,31 +42,32 @@ Examples:
   doorcam crb --person --place 0,2                         a person two metres behind a door of 0.85 m
   doorcam crb --person --place 0,2 --sweep patch=0.1,0.2,0.3,0.5
   doorcam crb --person --place 0,2 --sweep exposure --output exposure.csv
-docs/planning.md explains what follows for an installation.")]
+docs/planning.md explains what this means for an installation.")]
 pub(super) struct Arguments {
     #[command(flatten)]
     target: TargetOptions,
-    /// Targets at these angles, both above 0 and less than 180 together [default: a grid 15 degrees apart]
+    /// Targets at these angles, both above 0 and less than 180 together [default: a grid with steps of 15 degrees]
     #[arg(long, value_name = "PHI1,PHI2", num_args = 1.., value_parser = options::angles)]
     at: Vec<Angles>,
-    /// A target at this place, in metres: to the right of the door's middle, and into the room; may be repeated
+    /// A target at this place, in metres to the right of the door's middle and into the hidden room; may be repeated
     #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = options::place, conflicts_with = "at")]
     place: Vec<Point>,
-    /// Widths of the figure's regions in standard deviations; the paper's Supplementary Note 1 has 500
+    /// Width of the figure's regions, in standard deviations; 500 in the paper's Supplementary Note 1
     #[arg(long, value_name = "N", default_value_t = 2.0, allow_hyphen_values = true)]
     width_sd: f64,
-    /// The target of the figure's sample measurements, the red dot
+    /// The target of the figure's sample measurements (the red dot)
     #[arg(long, value_name = "PHI1,PHI2", default_value = "45,75", value_parser = options::angles)]
     sample: Angles,
-    /// Error against one choice, all else as given: patch, pixels, exposure, door or wall, with values or the usual ones
+    /// Vary one choice and keep the others as given: patch, pixels, exposure, door or wall; without values, over a
+    /// default range
     #[arg(long, value_name = "WHAT[=V,V..]", value_parser = options::sweep)]
     sweep: Option<Sweep>,
-    /// Write here instead of a table on stdout
+    /// Write a file instead of a table on stdout
     #[arg(long, value_name = "FILE", value_parser = options::output)]
     output: Option<PathBuf>,
 }
 
-/// The bounds of all strategies at one place, for one value of what is swept.
+/// The bounds of all strategies at one place, for one swept value.
 struct Row {
     value: Option<f64>,
     angles: Biangular,
@@ -96,18 +98,18 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 fn check(target: &Target) -> anyhow::Result<()> {
-    // The keys are the options' names.
+    // The keys in the error are the names of the options.
     target.validate().map_err(|e| anyhow::anyhow!("--{e}"))
 }
 
-/// Where the targets are.
+/// The places of the targets, in the door frame (m).
 fn places(arguments: &Arguments, target: &Target) -> anyhow::Result<Vec<Point>> {
     let doorway = &target.measured().doorway;
     if !arguments.place.is_empty() {
         return Ok(arguments.place.clone());
     }
     let angles: Vec<Biangular> = match (&arguments.at[..], &arguments.sweep) {
-        // In planning, one place is a question: two metres behind the door.
+        // A sweep needs a single place: two metres behind the door.
         ([], Some(_)) => return Ok(vec![[0.0, 2.0]]),
         ([], None) => plotted_angles(doorway),
         (at, _) => at.iter().map(|angles| angles.0).collect(),
@@ -150,7 +152,7 @@ fn save(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 }
 
 impl Row {
-    /// The value of what is swept, as it was written.
+    /// The swept choice and its value in this row.
     fn value(&self, choice: Option<Choice>) -> Option<(Choice, f64)> {
         choice.zip(self.value)
     }

@@ -1,11 +1,11 @@
-//! What the options of `crb` mean.
+//! The options of `crb` and their parsers.
 
 use std::path::PathBuf;
 
 use doorcam_core::bound::{Bound, Choice, PersonSetup, Setup, SetupError};
 use doorcam_core::geometry::{Biangular, Doorway, Point};
 
-/// What is located, and with what.
+/// The target and the setup that measures it.
 #[derive(Debug, clap::Args)]
 pub(super) struct TargetOptions {
     /// Width of the opening [default: 1; with --person 0.85]
@@ -20,14 +20,14 @@ pub(super) struct TargetOptions {
     /// Pixels along each side of a patch [default: 125; with --person 64]
     #[arg(long, value_name = "N")]
     pixels: Option<usize>,
-    /// Standard deviation of a pixel's noise: in the unit of eq. 9, light times square metres, for a brightness of 1 [default: 1e-6];
-    /// with --person as a share of the floor's level [default: 0.005]
+    /// Standard deviation of a pixel's noise, in the unit of eq. 9: light times square metres, for a brightness of 1
+    /// [default: 1e-6]; with --person, as a share of the floor's level [default: 0.005]
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     noise: Option<f64>,
-    /// A person in a lit room, with the camera's gain and the visible side's light unknown in each patch
+    /// Locate a person in a lit room, with the camera's gain and the visible side's light unknown in each patch
     #[arg(long)]
     person: bool,
-    /// How much brighter than the room behind the person is, as a share; below 0: darker [default: -0.5]
+    /// Brightness of the person relative to the room behind, as a share; below 0 is darker [default: -0.5]
     #[arg(long, value_name = "SHARE", allow_hyphen_values = true, requires = "person")]
     contrast: Option<f64>,
     /// Share of the floor's light that comes from the visible side [default: 0.5]
@@ -41,7 +41,7 @@ pub(super) struct TargetOptions {
     radius: Option<f64>,
 }
 
-/// A target of either kind.
+/// What to locate: a point or a person.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Target {
     Point(Setup),
@@ -105,11 +105,11 @@ impl Target {
     }
 }
 
-/// Two angles, given in degrees.
+/// A pair of angles, given in degrees.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Angles(pub(super) Biangular);
 
-/// One choice and the values to try.
+/// The choice to vary and the values to try.
 #[derive(Debug, Clone)]
 pub(super) struct Sweep {
     pub(super) choice: Choice,
@@ -130,7 +130,7 @@ pub(super) fn angles(text: &str) -> Result<Angles, String> {
 }
 
 pub(super) fn place(text: &str) -> Result<Point, String> {
-    // Nearer than a centimetre there is no target, and nothing is so far away.
+    // No target is closer to the door line than a centimetre or farther away than 100 m.
     pair(text)
         .filter(|[x, y]| x.abs() <= 100.0 && (0.01..=100.0).contains(y))
         .ok_or_else(|| "expected metres to the right and into the room, as -0.5,2, the latter from 0.01 to 100".into())

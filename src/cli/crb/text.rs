@@ -4,7 +4,7 @@ use doorcam_core::bound::{Bound, Choice, Strategy};
 
 use super::Row;
 
-/// A row a strategy and target, every column as wide as it needs to be.
+/// One row per strategy and target, with aligned columns.
 pub(super) fn table(choice: Option<Choice>, rows: &[Row]) -> String {
     let mut cells: Vec<Vec<String>> = Vec::new();
     let titles = ["strategy", "phi1", "phi2", "x", "y", "sd c", "sd phi1", "sd phi2", "sd x", "sd y", "corr", "error"];
@@ -43,7 +43,7 @@ pub(super) fn table(choice: Option<Choice>, rows: &[Row]) -> String {
     text
 }
 
-/// The columns that other programs read: those of a sweep have their value first and metres last.
+/// The columns that other programs read. For a sweep, the swept value comes first and the metres last.
 pub(super) fn csv(choice: Option<Choice>, rows: &[Row]) -> String {
     let mut text = choice.map_or_else(String::new, |choice| format!("{},", choice.name()));
     text += "strategy,phi1_deg,phi2_deg,sd_c,sd_phi1_rad,sd_phi2_rad";
@@ -64,7 +64,7 @@ pub(super) fn csv(choice: Option<Choice>, rows: &[Row]) -> String {
     text
 }
 
-/// Degrees without the last digits, which are rounding: 60 rather than 59.99999999999999.
+/// Degrees without rounding errors in the last digits: 60 rather than 59.99999999999999.
 fn degrees(radians: f64) -> f64 {
     (radians.to_degrees() * 1e9).round() / 1e9
 }
@@ -78,14 +78,14 @@ fn deviations(bound: &Bound) -> [f64; 2] {
     [0, 1].map(|k| bound.covariance_m2[k][k].sqrt())
 }
 
-/// Of x and y; none where the pixels do not tell.
+/// The correlation of x and y; none where the pixels do not determine it.
 fn correlation(bound: &Bound) -> Option<f64> {
     let [sd_x, sd_y] = deviations(bound);
     let correlation = bound.covariance_m2[0][1] / (sd_x * sd_y);
     (sd_x.is_finite() && correlation.is_finite()).then_some(correlation)
 }
 
-/// Three significant digits; what the pixels cannot tell is a dash.
+/// Three significant digits; a dash for what the pixels do not determine.
 fn short(value: f64) -> String {
     if !value.is_finite() {
         return "–".into();

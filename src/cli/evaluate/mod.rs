@@ -22,27 +22,26 @@ use doorcam::feed::open_recording;
 
 /// Score tracks against the truth of recordings: a table, JSON, pictures of the paths
 ///
-/// Each recording is reconstructed frame by frame as if it were live, and its confirmed and coasting tracks are compared with
-/// its truth.json: in each frame after background_frames, the optimal assignment of tracks to people who are less than 0.5 m
-/// apart.
+/// Each recording is reconstructed frame by frame as if it were live. In each frame after background_frames, the
+/// confirmed and coasting tracks are optimally assigned to the people in truth.json who are less than 0.5 m away.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Columns:
-  frames           scored: after background_frames, and known to truth.json
-  targets          people to be found, counted in every scored frame anew
+  frames           scored frames: those after background_frames that are in truth.json
+  targets          people to be found, counted in each scored frame
   mean, RMSE, p95  distance from the true to the reported place of those found; 95 of 100 are at most p95
-  bound            Cramer-Rao: the least RMSE that one frame's pixels allow, by the noise measured in the recording
+  bound            Cramer-Rao: the least RMSE that one frame's pixels allow, given the noise measured in the recording
   efficiency       bound / RMSE; above 100 % where a track's past helps more than everything else harms
-  missed           of targets
-  false            reports of nobody, counted in every scored frame anew
-  false tracks     tracks that are nobody in more than half of their scored frames
+  missed           share of targets that were not found
+  false            reports that match nobody, counted in each scored frame
+  false tracks     tracks that match nobody in more than half of their scored frames
   switches         changes of the track that a person is found as
-  in ellipse       of those found, who stands inside the reported 95 % ellipse: 95 % if the ellipses are right
+  in ellipse       share of those found who are inside the reported 95 % ellipse; 95 % if the ellipses are right
   GOSPA            mean distance with p = 2, alpha = 2, c = 0.5 m: errors, missed and false in one figure
 docs/evaluation.md defines them all.
 
-With --json, one object a recording, a line each: recording, frames, scored_frames, targets, detected, missed, false,
-mean_error_m, rmse_m, p95_error_m, gospa_m, id_switches, timing_ms, and more.
+With --json, one object per recording, one per line: recording, frames, scored_frames, targets, detected, missed,
+false, mean_error_m, rmse_m, p95_error_m, gospa_m, id_switches, timing_ms, and more.
 
 Examples:
   doorcam evaluate recordings/D1 recordings/D2 --output pictures
@@ -53,20 +52,21 @@ pub(super) struct Arguments {
     /// Directories of recordings that have a truth.json
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
-    /// One JSON object a recording on stdout instead of a table
+    /// Print one JSON object per recording on stdout instead of a table
     #[arg(long)]
     json: bool,
     /// Write a picture of each recording's paths here: evaluation_NAME.svg and .png
     #[arg(long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Who came in less than S seconds ago counts neither as found nor as missed [default: 1; with --detections 0]
+    /// People who came in less than S seconds ago count neither as found nor as missed [default: 1; with --detections
+    /// 0]
     #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = parse_settle)]
     settle: Option<f64>,
-    /// Score what each frame shows by itself instead of tracks
+    /// Score the detections of each frame instead of tracks
     #[arg(long)]
     detections: bool,
-    /// Score the updates in FILE, one JSON object a line as reconstruct prints and the live socket sends them, instead of
-    /// reconstructing the one RECORDING
+    /// Score the updates in FILE (one JSON object per line, as reconstruct prints and the live socket sends them)
+    /// instead of reconstructing the one RECORDING
     #[arg(long, value_name = "FILE", conflicts_with = "detections")]
     updates: Option<PathBuf>,
     #[command(flatten)]
@@ -79,7 +79,7 @@ fn parse_settle(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if arguments.updates.is_some() && arguments.recordings.len() > 1 {
-        let message = "--updates FILE is of one RECORDING\n";
+        let message = "--updates FILE takes only one RECORDING\n";
         super::Arguments::command().error(clap::error::ErrorKind::TooManyValues, message).exit();
     }
     let config = arguments.model.config()?;
@@ -97,7 +97,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         reports.push(report);
         Ok(())
     });
-    // What was done before something failed is shown too.
+    // After a failure, show the recordings that were done before it.
     if !arguments.json && !reports.is_empty() {
         write!(std::io::stdout().lock(), "{}", table::table(&reports))?;
     }
@@ -108,7 +108,7 @@ fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Resu
     let recording = open_recording(path)?;
     let truth_file = path.join(Truth::FILE);
     let Some(truth) = Truth::of_recording(path)? else {
-        bail!("{}: no such file, expected where everybody really was (docs/recordings.md)", truth_file.display());
+        bail!("{}: no such file, expected the true places of everybody (docs/recordings.md)", truth_file.display());
     };
     let Some([_, first]) = recording.manifest.background_frames else {
         let manifest = path.join("recording.json");
@@ -141,7 +141,7 @@ fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Resu
     let evaluation = scorer.finish();
     if evaluation.frames.is_empty() {
         let from = arguments.updates.as_deref().unwrap_or(path);
-        bail!("{}: no update of a frame that {} knows", from.display(), truth_file.display());
+        bail!("{}: no update of a frame that is in {}", from.display(), truth_file.display());
     }
     if evaluation.unseen > 0 {
         tracing::warn!(
@@ -157,7 +157,7 @@ fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Resu
     Ok(report)
 }
 
-/// Takes the frames of a recording as if they were live; `each` is told of every update after the background.
+/// Processes the frames of a recording as if they were live; calls `each` with every update after the background.
 fn reconstruct(config: &Config, recording: &Recording, mut each: impl FnMut(&Model, &Published)) -> anyhow::Result<()> {
     let named = || manifest_of(&recording.path);
     let mut engine = Assembly::new(config.settings()).for_recording(&recording.manifest).with_context(named)?;

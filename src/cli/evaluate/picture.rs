@@ -1,4 +1,4 @@
-//! Pictures of true and estimated paths: `--output`.
+//! Pictures of true and estimated paths, for `--output`.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use doorcam_source::recording::Recording;
 /// Width of the PNG, in pixels.
 const WIDTH: u32 = 2000;
 
-/// Makes the directory, and refuses recordings whose pictures would have the same name.
+/// Creates the directory; refuses recordings whose pictures would have the same name.
 pub(super) fn prepare(directory: &Path, recordings: &[PathBuf]) -> anyhow::Result<()> {
     for (k, path) in recordings.iter().enumerate() {
         if let Some(other) = recordings[..k].iter().find(|other| name(other) == name(path)) {

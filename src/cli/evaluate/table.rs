@@ -1,11 +1,11 @@
-//! The figures for people: a row a recording, every column as wide as it needs to be.
+//! The table for people: one row per recording, with aligned columns.
 
 use std::path::Path;
 
 use doorcam_engine::Quantiles;
 use doorcam_engine::evaluation::Report;
 
-/// Two lines of a column's title.
+/// The two title lines of each column.
 const TITLES: [[&str; 2]; 15] = [
     ["", "recording"],
     ["", "frames"],
@@ -24,7 +24,7 @@ const TITLES: [[&str; 2]; 15] = [
     ["solve, total", "p50 / p99 ms"],
 ];
 
-/// What is said of nothing.
+/// Shown for a figure that does not exist.
 const NONE: &str = "–";
 
 pub(super) fn table(reports: &[Report]) -> String {

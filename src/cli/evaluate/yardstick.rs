@@ -1,4 +1,4 @@
-//! How well those found could have been located at all.
+//! How well the people found could have been located at best.
 
 use std::sync::Arc;
 
@@ -8,12 +8,12 @@ use doorcam_core::light::Sensing;
 use doorcam_engine::evaluation::Estimate;
 use doorcam_engine::{Model, Published};
 
-/// The bound for the background in use; made when that changes.
+/// The bound for the background in use, computed again when that changes.
 #[derive(Default)]
 pub(super) struct Yardstick(Option<(Arc<Sensing>, RoomBound)>);
 
 impl Yardstick {
-    /// Of one update; none with the published model.
+    /// The bound for one update; none with the published model.
     pub(super) fn of(&mut self, model: &Model, published: &Published) -> Option<&RoomBound> {
         let sensing = published.sensing.as_ref()?;
         if !self.0.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, sensing)) {
@@ -24,7 +24,7 @@ impl Yardstick {
     }
 }
 
-/// The least error of somebody at `place` who is as bright as what they were found as.
+/// The least error (m) for somebody at `place` with the brightness of the track or detection they were found as.
 pub(super) fn bound_m(
     bound: Option<&RoomBound>,
     published: &Published,

@@ -5,14 +5,14 @@ use std::time::{Duration, Instant};
 
 use super::network;
 
-/// Wrong tokens that an address may send within [`WINDOW`].
+/// Number of wrong tokens within [`WINDOW`] that bars an address.
 const ALLOWED: u32 = 10;
 const WINDOW: Duration = Duration::from_secs(60);
-/// Addresses that are remembered at most.
+/// Most addresses that are remembered.
 const MOST: usize = 4096;
 
-/// Who sent wrong tokens lately. Sessions that are open already are not held up by it: who guesses from behind the same proxy locks
-/// nobody out who is in.
+/// The addresses that recently sent wrong tokens. Open sessions are not affected, so an attacker behind the same proxy
+/// cannot lock out anybody who is logged in.
 #[derive(Debug, Default)]
 pub(super) struct Attempts {
     failed: Mutex<HashMap<IpAddr, Failed>>,
@@ -25,21 +25,21 @@ struct Failed {
 }
 
 impl Failed {
-    /// Until this has been forgotten.
+    /// The time until this is forgotten; `None` once it is.
     fn rest(&self, now: Instant) -> Option<Duration> {
         WINDOW.checked_sub(now.saturating_duration_since(self.since)).filter(|rest| !rest.is_zero())
     }
 }
 
 impl Attempts {
-    /// How long no token from there is looked at, if so.
+    /// For how long tokens from this address are refused without a check; `None` if they are checked.
     pub(super) fn barred(&self, address: IpAddr, now: Instant) -> Option<Duration> {
         let failed = self.failed.lock().unwrap_or_else(PoisonError::into_inner);
         let failed = failed.get(&network(address))?;
         failed.rest(now).filter(|_| failed.count >= ALLOWED)
     }
 
-    /// Notes a wrong token; returns whether it was the one that bars the address.
+    /// Counts a wrong token; returns whether it is the one that bars the address.
     pub(super) fn note(&self, address: IpAddr, now: Instant) -> bool {
         let mut all = self.failed.lock().unwrap_or_else(PoisonError::into_inner);
         let address = network(address);
@@ -47,7 +47,7 @@ impl Attempts {
             all.retain(|_, failed| failed.rest(now).is_some());
         }
         if all.len() >= MOST && !all.contains_key(&address) {
-            // So many at once are one attacker: the one that is forgotten soonest anyway makes room.
+            // So many at once come from one attacker, so drop the one that would be forgotten first anyway.
             let oldest = all.iter().min_by_key(|(_, failed)| failed.since).map(|(&address, _)| address);
             oldest.map(|oldest| all.remove(&oldest));
         }

@@ -9,22 +9,22 @@ use axum::response::{IntoResponse, Response};
 use super::tokens::Scope;
 use super::{Access, Peer, session};
 use crate::server::assets;
-use crate::server::problem::Problem;
+use crate::server::problem::ProblemDetails;
 
-/// Why somebody may not do what they ask for.
+/// Why a request is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Refusal {
-    /// There is no token.
+    /// It has no token.
     NoToken,
-    /// It is not one of ours.
+    /// Its token is unknown.
     WrongToken,
-    /// It is, but not for this.
+    /// Its token does not allow this.
     Scope,
-    /// There were too many wrong ones from there: none is looked at for so long.
+    /// Its address sent too many wrong tokens: for this long, tokens from there are refused without a check.
     Later(Duration),
 }
 
-/// Lets pass who may do what they ask for.
+/// Lets a request pass if its sender has the scope for it.
 pub(super) async fn guard(
     State(access): State<Arc<Access>>,
     Extension(peer): Extension<Peer>,
@@ -41,8 +41,8 @@ pub(super) async fn guard(
     }
 }
 
-/// The scope that a request takes. Only what is named here is open to everybody, so that a new route is closed until somebody
-/// opens it: whether the process lives and is ready, the files of the page, which tell nothing of the room, and the login.
+/// The scope that a request needs; `None` if it is open to everybody. Only the routes named here are open, so a new one
+/// is closed: the two probes, the files of the page, which tell nothing about the room, and the login.
 fn needed(method: &Method, path: &str) -> Option<Scope> {
     if matches!(path, "/livez" | "/readyz" | session::PATH) || assets::has(path) {
         return None;
@@ -64,14 +64,14 @@ impl Access {
         session.map(|session| session.scope).ok_or(Refusal::NoToken)
     }
 
-    /// What the holder of a token may do, unless wrong ones came from there too often.
+    /// What the holder of a token may do. The token is not even checked if its address has sent too many wrong ones.
     pub(super) fn scope_of_token(&self, token: &[u8], Peer(address): Peer, now: Instant) -> Result<Scope, Refusal> {
         if let Some(rest) = self.attempts.barred(address, now) {
             return Err(Refusal::Later(rest));
         }
         let scope = self.tokens().scope_of(token);
         if scope.is_none() && self.attempts.note(address, now) {
-            tracing::warn!("{address}: too many wrong tokens, none from there is looked at for a while");
+            tracing::warn!("{address}: too many wrong tokens, refusing all tokens from this address for a while");
         }
         scope.ok_or(Refusal::WrongToken)
     }
@@ -100,10 +100,10 @@ impl IntoResponse for Refusal {
             Self::Scope => (
                 StatusCode::FORBIDDEN,
                 "Bearer realm=\"doorcam\", error=\"insufficient_scope\", scope=\"control\"",
-                "the token is for seeing only: changing something takes the control token",
+                "the token is for reading only: changes need the control token",
             ),
         };
-        let mut response = Problem::new(status, detail).into_response();
+        let mut response = ProblemDetails::new(status, detail).into_response();
         response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static(challenge));
         response
     }
@@ -112,7 +112,7 @@ impl IntoResponse for Refusal {
 fn too_many(rest: Duration) -> Response {
     let wait = rest.as_secs() + 1;
     let detail = format!("too many wrong tokens from this address, try again in {wait} s");
-    let mut response = Problem::new(StatusCode::TOO_MANY_REQUESTS, &detail).into_response();
+    let mut response = ProblemDetails::new(StatusCode::TOO_MANY_REQUESTS, &detail).into_response();
     response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(wait));
     response
 }

@@ -3,15 +3,15 @@ use axum::http::HeaderValue;
 use axum::http::header::{self, HeaderName};
 use tower_http::set_header::SetResponseHeaderLayer;
 
-/// Nothing but the page's own files: no script, style, frame or connection of anybody else's, whatever text gets into the page.
+/// Allows only the page's own files: no foreign script, style, frame or connection, whatever text gets into the page.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// What the page itself never asks for.
-const PERMISSIONS: &str = "accelerometer=(), camera=(), display-capture=(), geolocation=(), gyroscope=(), microphone=(), midi=(), \
-                           payment=(), usb=()";
+/// Denies the permissions that the page never asks for.
+const PERMISSIONS: &str = "accelerometer=(), camera=(), display-capture=(), geolocation=(), gyroscope=(), \
+                           microphone=(), midi=(), payment=(), usb=()";
 
-/// For how long browsers insist on TLS: 30 days, for who gives it up again should not be locked out for long.
+/// How long browsers insist on TLS: only 30 days, so that nobody who turns TLS off is locked out for long.
 const INSIST: &str = "max-age=2592000";
 
 const FIXED: [(HeaderName, &str); 8] = [
@@ -21,12 +21,12 @@ const FIXED: [(HeaderName, &str); 8] = [
     (header::REFERRER_POLICY, "no-referrer"),
     (HeaderName::from_static("permissions-policy"), PERMISSIONS),
     (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
-    // Pictures must not be shown in pages of others either, which no other rule forbids.
+    // No other header keeps other sites from showing the pictures in their pages.
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
     (header::CACHE_CONTROL, "no-store"),
 ];
 
-/// Puts the headers on every answer that does not bring its own.
+/// Adds each header to every answer that does not set it itself.
 pub(super) fn layers(router: Router, tls: bool) -> Router {
     let insist = tls.then_some((header::STRICT_TRANSPORT_SECURITY, INSIST));
     FIXED.into_iter().chain(insist).fold(router, |router, (name, value)| {

@@ -9,15 +9,16 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
 use super::{Access, is_loopback};
-use crate::server::problem::Problem;
+use crate::server::problem::ProblemDetails;
 
-/// By which names doorcam may be called. A page of somebody else's whose name suddenly means this machine (DNS rebinding) is of
-/// the same origin for its browser; only the name that it calls gives it away.
+/// The host names by which doorcam may be called. If the name of a foreign page is made to resolve to this machine (DNS
+/// rebinding), the browser takes both for the same origin; only the host name in the request gives the page away.
 #[derive(Debug)]
 pub(super) struct Hosts {
-    /// Configured ones, in lower case.
+    /// The configured ones, in lower case.
     names: Vec<String>,
-    /// Whether any address will do. None can be rebound; but where only this machine can call, it calls loopback.
+    /// Whether any IP address is allowed, since addresses cannot be rebound. Otherwise only loopback, which is all that
+    /// is needed when only this machine can connect.
     addresses: bool,
 }
 
@@ -27,7 +28,7 @@ impl Hosts {
         Self { names, addresses: !is_loopback(listen) }
     }
 
-    /// Whether this is one of them, with whatever port: a proxy or a forwarded port has its own.
+    /// Whether this is one of them. The port does not matter, because a proxy or a forwarded port has its own.
     fn allow(&self, host: &Authority) -> bool {
         if host.as_str().contains('@') {
             return false;
@@ -39,31 +40,31 @@ impl Hosts {
         }
         match address.parse::<IpAddr>() {
             Ok(address) => self.addresses || address.to_canonical().is_loopback(),
-            // Resolvers must not ask anybody else for these (RFC 6761).
+            // These names always resolve to loopback (RFC 6761).
             Err(_) => host == "localhost" || host.ends_with(".localhost"),
         }
     }
 }
 
-/// The name that a request calls doorcam by; none unless there is just one.
+/// The host that a request names; `None` unless it names exactly one.
 pub(super) fn host_of(headers: &HeaderMap) -> Option<Authority> {
     let mut all = headers.get_all(header::HOST).iter();
     let host = all.next()?.to_str().ok()?;
     if all.next().is_some() { None } else { Authority::from_str(host).ok() }
 }
 
-/// Lets pass who calls doorcam by its name.
+/// Lets a request pass if it calls doorcam by an allowed name.
 pub(super) async fn check(State(access): State<Arc<Access>>, request: Request, next: Next) -> Response {
     let Some(host) = host_of(request.headers()) else {
-        return Problem::bad_request("expected one header Host with a name or address").into_response();
+        return ProblemDetails::bad_request("expected one header Host with a name or address").into_response();
     };
-    // A request line with a whole address must not get past the check.
+    // A request line with an absolute URI must not get past the check.
     let line = request.uri().authority();
     if access.hosts.allow(&host) && line.is_none_or(|line| access.hosts.allow(line)) {
         return next.run(request).await;
     }
-    let detail = format!("this doorcam is not called {}: see access.allowed_hosts", host.host());
-    Problem::new(StatusCode::FORBIDDEN, &detail).into_response()
+    let detail = format!("{} is not a name of this doorcam: see access.allowed_hosts", host.host());
+    ProblemDetails::new(StatusCode::FORBIDDEN, &detail).into_response()
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Who may see and change what: layers around every route, so that a new route is covered without knowing of them.
+//! Who may see and change what. The rules are layers around all routes, so a new route is covered automatically.
 
 mod attempts;
 mod bodies;
@@ -29,60 +29,61 @@ use self::sessions::Sessions;
 use self::tokens::Tokens;
 use crate::config::AccessConfig;
 
-/// Why doorcam does not start to serve.
+/// Why the rules of access cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
-    /// Others could reach it, and nothing would hold them off.
+    /// Others can reach the address, and there is no token.
     #[error(
-        "{0} can be reached by others and there is no token, expected --token-file FILE, access.token_file or DOORCAM_TOKEN (or \
-         --allow-unauthenticated, with which everybody who reaches it sees and changes everything)"
+        "{0} can be reached by others and there is no token, expected --token-file FILE, access.token_file or \
+         DOORCAM_TOKEN (or --allow-unauthenticated, with which everybody who reaches it sees and changes everything)"
     )]
     Exposed(SocketAddr),
-    /// A token is given twice.
+    /// A token is given both in a file and in the environment.
     #[error("{variable} and {key} (or its option) are both given, expected one of them")]
     TwoTokens {
-        /// The key of the file.
+        /// The configuration key of the file.
         key: &'static str,
-        /// The variable.
+        /// The environment variable.
         variable: &'static str,
     },
-    /// One token for both scopes.
+    /// The control and the read token are the same.
     #[error("the token and the read token are the same, expected two different ones")]
     SameTokens,
-    /// A token that could be guessed, or is no token.
+    /// A token is too short, and could be guessed, or too long.
     #[error(
         "{place} has {length} characters, expected a token of {shortest} to {longest}, as from openssl rand -hex 24"
     )]
     Length {
         /// File or variable.
         place: String,
-        /// Characters.
+        /// Its length, in characters.
         length: usize,
-        /// The fewest.
+        /// The shortest allowed, in characters.
         shortest: usize,
-        /// The most.
+        /// The longest allowed, in characters.
         longest: usize,
     },
-    /// A token that cannot be sent.
+    /// A token has characters that cannot be sent in a header.
     #[error(
-        "{place} has a character that a header cannot carry, expected a token of printable ASCII characters without spaces"
+        "{place} has a character that a header cannot carry, expected a token of printable ASCII characters without \
+         spaces"
     )]
     Characters {
         /// File or variable.
         place: String,
     },
-    /// An origin that cannot be one.
+    /// An allowed origin is not valid.
     #[error("access.allowed_origins has \"{0}\", expected scheme and host, such as \"https://door.lan\"")]
     Origin(String),
-    /// Tokens where there were none, or none any more.
-    #[error("whether a token is needed at all changes with a restart only")]
+    /// A reload would add the first token or remove the last one.
+    #[error("adding the first token or removing the last one takes a restart")]
     Presence,
-    /// A file that cannot be read, or that others can.
+    /// A token's file cannot be read, or others can read it.
     #[error("{0}")]
     Secret(String),
 }
 
-/// Who may see and change what.
+/// The rules of access: who may see and change what.
 #[derive(Debug)]
 pub struct Access {
     tokens: RwLock<Tokens>,
@@ -97,10 +98,13 @@ pub struct Access {
 }
 
 impl Access {
-    /// What a configuration says, for a server that listens on that address; `environment` gives the variables `DOORCAM_TOKEN`
-    /// and `DOORCAM_READ_TOKEN`.
+    /// The rules of a configuration for a server that listens on `listen`. `environment` gives the values of the
+    /// variables `DOORCAM_TOKEN` and `DOORCAM_READ_TOKEN`.
     ///
-    /// Errors: tokens that are none or cannot be read, an address that others can reach without any token.
+    /// # Errors
+    ///
+    /// If a token is not valid or cannot be read, if an allowed origin is not valid, or if others can reach the address
+    /// and there is no token.
     pub fn new(
         config: &AccessConfig,
         listen: SocketAddr,
@@ -127,17 +131,20 @@ impl Access {
         })
     }
 
-    /// Takes notice of the port, once it is known, and of TLS. Cookies are the same for all ports of a host, on which other doorcams
-    /// may be.
+    /// Sets the port, once it is known, and whether there is TLS. The port goes into the cookie's name, because
+    /// browsers share cookies between all ports of a host, where other doorcams may listen.
     pub(super) fn on(mut self, port: u16, tls: bool) -> Self {
         self.tls = tls;
         self.cookie_name = format!("doorcam-{port}");
         self
     }
 
-    /// Takes the tokens from where they were taken at the start; sessions that were begun with others end. False: they are the same.
+    /// Reads the tokens again, and ends all sessions if they have changed; returns whether they have.
     ///
-    /// Errors as of [`Access::new`]; the tokens before then stay. Whether there are any cannot change.
+    /// # Errors
+    ///
+    /// If a token is not valid or cannot be read, or if the first token were added or the last one removed. The tokens
+    /// in use then stay.
     pub fn reload(
         &self,
         config: &AccessConfig,
@@ -166,7 +173,7 @@ impl Access {
     }
 }
 
-/// Puts the rules around every route; the last one is asked first.
+/// Puts the rules around every route; the last layer is asked first.
 pub(super) fn layers(router: Router, access: Arc<Access>) -> Router {
     let state = || Arc::clone(&access);
     let mut router = router.layer(middleware::from_fn(bodies::limit));
@@ -176,7 +183,7 @@ pub(super) fn layers(router: Router, access: Arc<Access>) -> Router {
     router = router
         .layer(middleware::from_fn_with_state(state(), guard::guard))
         .layer(middleware::from_fn_with_state(state(), origins::check));
-    // Before the guard: a browser asks whether it may ask without a token.
+    // Before the guard, because browsers send preflight requests without a token.
     if let Some(cors) = origins::cors(&access.origins) {
         router = router.layer(cors);
     }

@@ -10,10 +10,10 @@ use tower_http::cors::CorsLayer;
 
 use super::Access;
 use super::hosts::host_of;
-use crate::server::problem::Problem;
+use crate::server::problem::ProblemDetails;
 
-/// Lets pass what changes something, and live sockets, unless a page of another site asks: its browser sends the request first and
-/// asks later whether the page may see the answer, and sockets it never asks for.
+/// Refuses changes and live sockets that pages of other sites ask for. CORS does not prevent them: the browser sends
+/// the request first and only then decides whether the page may see the answer, and it does not check sockets at all.
 pub(super) async fn check(State(access): State<Arc<Access>>, request: Request, next: Next) -> Response {
     let headers = request.headers();
     let sees = matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
@@ -21,14 +21,14 @@ pub(super) async fn check(State(access): State<Arc<Access>>, request: Request, n
     if stays || is_ours(headers, &access.origins) {
         return next.run(request).await;
     }
-    Problem::new(StatusCode::FORBIDDEN, "pages of other sites may not do this: see access.allowed_origins")
+    ProblemDetails::new(StatusCode::FORBIDDEN, "pages of other sites may not do this: see access.allowed_origins")
         .into_response()
 }
 
-/// Whether a request comes from the page itself, from a configured origin or from no browser.
+/// Whether a request comes from the page itself, from a configured origin or from a program that is no browser.
 fn is_ours(headers: &HeaderMap, allowed: &[HeaderValue]) -> bool {
     let Some(origin) = headers.get(header::ORIGIN) else {
-        // Browsers that leave the origin out tell at least this.
+        // Browsers that send no Origin send at least this.
         let site = headers.get("sec-fetch-site").map(HeaderValue::as_bytes);
         return matches!(site, None | Some(b"same-origin" | b"none"));
     };
@@ -42,8 +42,8 @@ fn is_ours(headers: &HeaderMap, allowed: &[HeaderValue]) -> bool {
     }
 }
 
-/// Whether an origin is of the host that was called. Its scheme does not matter, for what ends TLS in front of doorcam changes it; a
-/// port that is left out is the scheme's.
+/// Whether an origin is that of the called host. The scheme may differ, because a proxy that ends TLS changes it; a
+/// missing port is the default of the origin's scheme.
 fn is_same(origin: &Uri, host: &Authority) -> bool {
     let usual = match origin.scheme_str() {
         Some("http") => 80,
@@ -55,7 +55,7 @@ fn is_same(origin: &Uri, host: &Authority) -> bool {
     authority.host().eq_ignore_ascii_case(host.host()) && port(authority) == port(host)
 }
 
-/// What tells browsers that pages of the configured origins may ask, and read the answers; without any, nothing does.
+/// Lets pages of the configured origins send requests and read the answers; `None` without any.
 pub(super) fn cors(allowed: &[HeaderValue]) -> Option<CorsLayer> {
     let layer = CorsLayer::new()
         .allow_origin(allowed.to_vec())

@@ -1,5 +1,5 @@
 use std::net::IpAddr;
 
-/// Who is at the other end of a request's connection: an extension of every request.
+/// The address at the other end of a request's connection, an extension of every request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::server) struct Peer(pub(in crate::server) IpAddr);

@@ -1,6 +1,6 @@
 use std::net::IpAddr;
 
-/// What counts as one sender: an IPv4 address; of IPv6, the network of 64 bits that one household has.
+/// What counts as one sender: an IPv4 address, or the /64 network of an IPv6 address, which one household has.
 pub(in crate::server) fn network(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(address) => {

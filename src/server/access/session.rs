@@ -1,4 +1,4 @@
-//! `/api/v1/session`: a browser shows a token once and is known by a cookie from then on.
+//! `/api/v1/session`: a browser sends a token once and is known by a cookie from then on.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -13,31 +13,31 @@ use utoipa::ToSchema;
 
 use super::tokens::Scope;
 use super::{Access, Peer};
-use crate::server::openapi::{Failed, Malformed, STATE, TooLarge, TooMany, WrongToken};
-use crate::server::problem::Problem;
+use crate::server::answers::{Failed, Malformed, STATE, TooLarge, TooMany, WrongToken};
+use crate::server::problem::ProblemDetails;
 
-/// Where it is; open to everybody.
+/// The path of the session, which is open to everybody.
 pub(super) const PATH: &str = "/api/v1/session";
 
-/// What a client may do here, and what it should know.
+/// What a client may do, and what it should know about access.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Session)]
 pub(in crate::server) struct Report {
-    /// What it may do; nothing without a token.
+    /// What the client may do; null if it needs a token first.
     #[schema(required)]
     scope: Option<Scope>,
-    /// Whether there are tokens at all.
+    /// Whether doorcam has tokens.
     token_needed: bool,
     /// Whether everybody in the network may do everything.
     exposed: bool,
     /// Whether pictures of the visible side are shown.
     images: bool,
-    /// Until its session ends; none without one.
+    /// Seconds until the client's session ends; null without one.
     #[schema(required)]
     expires_s: Option<u64>,
 }
 
-/// What a browser shows once.
+/// What a browser sends to begin a session.
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::server) struct Login {
@@ -46,7 +46,10 @@ pub(in crate::server) struct Login {
 }
 
 /// What this client may do.
-#[utoipa::path(get, path = "/session", tag = STATE, responses((status = 200, description = "What it may do", body = Report)))]
+#[utoipa::path(
+    get, path = "/session", tag = STATE,
+    responses((status = 200, description = "What the client may do", body = Report))
+)]
 pub(in crate::server) async fn tell(
     State(access): State<Arc<Access>>,
     Extension(peer): Extension<Peer>,
@@ -55,13 +58,13 @@ pub(in crate::server) async fn tell(
     Json(access.report(peer, &headers)).into_response()
 }
 
-/// Begins a session: a token is shown once, and a cookie from then on.
+/// Begins a session: the client sends a token once, and a cookie from then on.
 #[utoipa::path(
     post, path = "/session", tag = STATE, request_body = Login,
     responses(
-        (status = 200, description = "It has begun; nothing begins where no token is needed", body = Report),
-        (status = 400, response = Malformed), (status = 401, response = WrongToken), (status = 413, response = TooLarge),
-        (status = 429, response = TooMany), (status = 500, response = Failed),
+        (status = 200, description = "The session has begun, or no token is needed", body = Report),
+        (status = 400, response = Malformed), (status = 401, response = WrongToken),
+        (status = 413, response = TooLarge), (status = 429, response = TooMany), (status = 500, response = Failed),
     )
 )]
 pub(in crate::server) async fn begin(
@@ -71,8 +74,8 @@ pub(in crate::server) async fn begin(
     body: Bytes,
 ) -> Response {
     let Ok(Login { token }) = serde_json::from_slice(&body) else {
-        // Not the reader's own words: they could show the token.
-        return Problem::bad_request("expected {\"token\": \"...\"}").into_response();
+        // serde's own message could contain the token.
+        return ProblemDetails::bad_request("expected {\"token\": \"...\"}").into_response();
     };
     if access.tokens().is_empty() {
         return Json(access.report(peer, &headers)).into_response();
@@ -82,11 +85,11 @@ pub(in crate::server) async fn begin(
         Ok(scope) => scope,
         Err(refusal) => return refusal.into_response(),
     };
-    // The one before, of another scope maybe, is over.
+    // The previous session, perhaps of another scope, ends.
     access.cookie(&headers).into_iter().for_each(|number| access.sessions.end(number));
     let number = match access.sessions.begin(scope, now) {
         Ok(number) => number,
-        Err(e) => return Problem::internal(&format!("no random numbers for a session: {e}")).into_response(),
+        Err(e) => return ProblemDetails::internal(&format!("no random numbers for a session: {e}")).into_response(),
     };
     let lifetime = access.sessions.lifetime().as_secs();
     let cookie = access.set_cookie(&headers, &number, lifetime);
@@ -95,7 +98,10 @@ pub(in crate::server) async fn begin(
 }
 
 /// Ends the session, if there is one.
-#[utoipa::path(delete, path = "/session", tag = STATE, responses((status = 204, description = "There is none any more")))]
+#[utoipa::path(
+    delete, path = "/session", tag = STATE,
+    responses((status = 204, description = "There is no session any more"))
+)]
 pub(in crate::server) async fn end(State(access): State<Arc<Access>>, headers: HeaderMap) -> Response {
     access.cookie(&headers).into_iter().for_each(|number| access.sessions.end(number));
     (StatusCode::NO_CONTENT, [(header::SET_COOKIE, access.set_cookie(&headers, "", 0))]).into_response()
@@ -121,8 +127,8 @@ impl Access {
         pairs.find(|(name, _)| *name == self.cookie_name).map(|(_, number)| number)
     }
 
-    /// Out of reach of scripts and of requests that other sites make; over TLS only, if it came over TLS: from doorcam itself, or from
-    /// what ends it in front, as the page's origin then tells.
+    /// A cookie that neither scripts nor requests of other sites can use. It is limited to TLS if the client uses TLS,
+    /// with doorcam itself or with a proxy in front, as the page's origin then shows.
     fn set_cookie(&self, headers: &HeaderMap, number: &str, lifetime_s: u64) -> String {
         let origin = headers.get(header::ORIGIN).map(|origin| origin.as_bytes().starts_with(b"https:"));
         let secure = if self.tls || origin == Some(true) { "; Secure" } else { "" };

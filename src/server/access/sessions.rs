@@ -7,11 +7,12 @@ use base64::prelude::BASE64_URL_SAFE_NO_PAD;
 
 use super::tokens::Scope;
 
-/// Sessions that are open at most; a further one ends the one that would end first.
+/// Most open sessions; one more ends the one that would expire first.
 const MOST: usize = 256;
 
-/// The page's sessions: a browser that showed a token once is known by a random number, for scripts can put no token on live sockets
-/// and pictures, and a number in a cookie that they cannot read cannot be stolen by one. They end with the process.
+/// The page's sessions. A browser that has sent a token once is known by a random number in a cookie, because scripts
+/// cannot put a token on live sockets and pictures. They cannot read the cookie, so they cannot steal the number.
+/// Sessions end with the process.
 #[derive(Debug)]
 pub(super) struct Sessions {
     lifetime: Duration,
@@ -29,14 +30,14 @@ impl Sessions {
         Self { lifetime, open: Mutex::default() }
     }
 
-    /// For how long a session is good.
+    /// How long a session lasts.
     pub(super) fn lifetime(&self) -> Duration {
         self.lifetime
     }
 
-    /// Opens one and returns its number. Errors: the system has no random numbers.
+    /// Opens a session and returns its number. Fails if the system gives no random numbers.
     pub(super) fn begin(&self, scope: Scope, now: Instant) -> Result<String, getrandom::Error> {
-        // 256 bits: nobody needs to be kept from guessing.
+        // 256 bits cannot be guessed, so attempts need no limit.
         let mut number = [0; 32];
         getrandom::fill(&mut number)?;
         let number = BASE64_URL_SAFE_NO_PAD.encode(number);
@@ -50,18 +51,18 @@ impl Sessions {
         Ok(number)
     }
 
-    /// The open session of that number.
+    /// The open session with this number.
     pub(super) fn get(&self, number: &str, now: Instant) -> Option<Session> {
         let open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
         open.get(number).copied().filter(|session| session.end > now)
     }
 
-    /// Ends all of them.
+    /// Ends all sessions.
     pub(super) fn end_all(&self) {
         self.open.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
-    /// Ends one.
+    /// Ends the session with this number.
     pub(super) fn end(&self, number: &str) {
         self.open.lock().unwrap_or_else(PoisonError::into_inner).remove(number);
     }

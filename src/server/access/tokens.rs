@@ -11,22 +11,22 @@ use super::AccessError;
 use crate::config::AccessConfig;
 use crate::server::secret_file;
 
-/// Shortest token: 20 characters of hexadecimal digits are 80 bits, too many to guess.
+/// Shortest token, in characters: 20 hexadecimal digits are 80 bits, too many to guess.
 const SHORTEST: usize = 20;
-/// Longest token: it must fit into a header.
+/// Longest token, in characters: it must fit into a header.
 const LONGEST: usize = 256;
 
-/// What a client may do; the later may do all that the earlier may.
+/// What a client may do; control includes read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub(in crate::server) enum Scope {
     /// See everything.
     Read,
-    /// Change everything, too.
+    /// See and change everything.
     Control,
 }
 
-/// A token that is known by its hash: nothing can show it, and hashes are of one length and compare in constant time.
+/// A token, kept as its hash: nothing can show it, and hashes have one length and are compared in constant time.
 #[derive(Clone, Copy)]
 struct Token([u8; 32]);
 
@@ -54,7 +54,7 @@ pub(super) struct Tokens {
 }
 
 impl Tokens {
-    /// Takes them from the files of the configuration or from the environment.
+    /// Reads the tokens from the configured files or from the environment.
     pub(super) fn load(
         config: &AccessConfig,
         environment: impl Fn(&str) -> Option<OsString>,
@@ -78,7 +78,7 @@ impl Tokens {
         Ok(Self { control, read })
     }
 
-    /// Whether they are the same.
+    /// Whether both sets of tokens are the same.
     pub(super) fn are(&self, others: &Self) -> bool {
         let same = |one: Option<Token>, other: Option<Token>| match (one, other) {
             (Some(one), Some(other)) => one.is(other),
@@ -87,12 +87,12 @@ impl Tokens {
         same(self.control, others.control) && same(self.read, others.read)
     }
 
-    /// Whether there is none: then nobody needs one.
+    /// Whether there are no tokens, so that nobody needs one.
     pub(super) fn is_empty(&self) -> bool {
         self.control.is_none() && self.read.is_none()
     }
 
-    /// What the holder of a token may do. It takes as long whatever the token is.
+    /// What the holder of a token may do. The time it takes does not depend on the token.
     pub(super) fn scope_of(&self, presented: &[u8]) -> Option<Scope> {
         let presented = Token::new(presented);
         let is = |token: Option<Token>| token.is_some_and(|token| token.is(presented));
@@ -101,7 +101,7 @@ impl Tokens {
     }
 }
 
-/// A token as somebody wrote it down; `place` is where, for the error, which must not show it.
+/// Parses a token. `place` says where it is from, for the error, which must not show it.
 fn parse(text: &[u8], place: &str) -> Result<Token, AccessError> {
     let place = || place.to_owned();
     if !(SHORTEST..=LONGEST).contains(&text.len()) {
@@ -150,7 +150,8 @@ mod tests {
         let short = "DOORCAM_TOKEN has 6 characters, expected a token of 20 to 256, as from openssl rand -hex 24";
         assert_eq!(given("secret"), Err(short.into()));
         assert!(given("").is_err());
-        let odd = "DOORCAM_TOKEN has a character that a header cannot carry, expected a token of printable ASCII characters without spaces";
+        let odd = "DOORCAM_TOKEN has a character that a header cannot carry, expected a token of printable ASCII \
+                   characters without spaces";
         assert_eq!(given("a pass phrase with spaces"), Err(odd.into()));
         assert_eq!(given(CONTROL), Ok(()));
         let same = |_: &str| Some(CONTROL.into());

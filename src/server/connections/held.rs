@@ -8,7 +8,8 @@ use tokio_io_timeout::TimeoutStream;
 
 use super::slots::Slot;
 
-/// A stream that holds its slot as long as it lives, also as a live socket, and fails if its client takes no bytes for too long.
+/// A stream that holds its slot until it is dropped, also as a live socket, and fails if the client takes no bytes for
+/// too long.
 pub(super) struct Held<S> {
     stream: Pin<Box<TimeoutStream<S>>>,
     _slot: Slot,

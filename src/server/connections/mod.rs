@@ -1,4 +1,4 @@
-//! Connections: how many, for how long, over TLS or not. What travels on them is nobody's business here.
+//! Connections: their number, their timeouts and TLS, whatever they carry.
 
 mod held;
 mod slots;
@@ -26,23 +26,23 @@ pub use self::tls::{Tls, TlsError};
 use super::access::Peer;
 use crate::config::ServerConfig;
 
-/// How long a client may take to agree on TLS.
+/// How long the TLS handshake may take.
 const GREETING_TIME: Duration = Duration::from_secs(10);
-/// How long a client may take for the head of a request, and do nothing before it: an idle connection is closed then.
+/// How long a client may take for the head of a request, including the idle time before it.
 const HEAD_TIME: Duration = Duration::from_secs(10);
-/// How long a client may take no bytes of an answer.
+/// How long a client may go without taking any bytes of an answer.
 const WRITE_TIME: Duration = Duration::from_secs(20);
-/// Lines of a request's head.
+/// Most header lines of a request.
 const MOST_HEADERS: usize = 64;
-/// Bytes of a request's head, all lines together.
+/// Longest head of a request, in bytes.
 const LONGEST_HEAD: usize = 16 * 1024;
-/// Bytes of a connection that may wait to be sent, a few updates.
+/// Most unsent bytes that the system buffers for a connection, a few updates.
 #[cfg(target_os = "linux")]
 const UNSENT: u32 = 16_384;
-/// How long nothing is accepted when the system has no more sockets.
+/// The pause before accepting again when the system has run out of sockets.
 const OUT_OF_SOCKETS: Duration = Duration::from_millis(500);
 
-/// Serves connections until `ending` turns true, and those that are open to their end: each holds a receiver until then.
+/// Accepts connections until `ending` turns true. Open ones are served to their end; each holds a receiver until then.
 pub(super) async fn serve(
     listener: TcpListener,
     router: Router,
@@ -62,10 +62,10 @@ pub(super) async fn serve(
     }
 }
 
-/// Nothing waits in the system's buffers: a message goes out at once, and what the client's side does not take yet stays here,
-/// where a newer one replaces it. The system would keep megabytes of it, a minute of updates.
+/// Keeps data out of the system's buffers: a message goes out at once, and what the client cannot take yet stays here,
+/// where a newer message replaces it. The system would buffer megabytes, a minute of updates.
 fn newest_first(stream: &TcpStream) {
-    // Without either, updates come late to slow clients, and that is all.
+    // If either fails, slow clients merely get their updates late.
     let _ = stream.set_nodelay(true);
     #[cfg(target_os = "linux")]
     let _ = socket2::SockRef::from(stream).set_tcp_notsent_lowat(UNSENT);
@@ -118,8 +118,8 @@ async fn one(
     };
     match greeted {
         Ok(Ok(stream)) => requests(stream, address, router, ending).await,
-        Ok(Err(e)) => tracing::debug!("{address}: no TLS: {e}"),
-        Err(_) => tracing::debug!("{address}: no TLS within {} s", GREETING_TIME.as_secs()),
+        Ok(Err(e)) => tracing::debug!("{address}: TLS handshake failed: {e}"),
+        Err(_) => tracing::debug!("{address}: no TLS handshake within {} s", GREETING_TIME.as_secs()),
     }
 }
 
@@ -154,12 +154,12 @@ async fn requests(
     }
 }
 
-/// Completes when the server ends, or is gone.
+/// Completes when the server ends or the sender is dropped.
 async fn end(ending: &mut watch::Receiver<bool>) {
     let _ = ending.wait_for(|&end| end).await;
 }
 
-/// Whether accepting failed for reasons of the connection that went away meanwhile.
+/// Whether accepting failed only because this connection has gone away meanwhile.
 fn is_of_one_connection(e: &std::io::Error) -> bool {
     use std::io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
     matches!(e.kind(), ConnectionAborted | ConnectionRefused | ConnectionReset)

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::server::access::network;
 
-/// Counts open connections, all and those of each sender, so that neither one nor all of them take every socket there is.
+/// Counts open connections, in total and per sender, so that neither one sender nor all together exhaust the sockets.
 #[derive(Debug, Clone)]
 pub(super) struct Slots {
     most: usize,
@@ -18,7 +18,7 @@ struct Taken {
     of: HashMap<IpAddr, usize>,
 }
 
-/// A connection that counts for as long as this lives.
+/// Counts one connection until it is dropped.
 #[derive(Debug)]
 pub(super) struct Slot {
     sender: IpAddr,
@@ -30,7 +30,7 @@ impl Slots {
         Self { most, most_of_one, taken: Arc::default() }
     }
 
-    /// A slot for a connection from there, unless there is none left.
+    /// A slot for a connection from this address; `None` if none is left.
     pub(super) fn take(&self, address: IpAddr) -> Option<Slot> {
         let sender = network(address);
         let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
@@ -63,14 +63,14 @@ mod tests {
     fn neither_one_sender_nor_all_of_them_take_more_than_they_may() {
         let slots = Slots::new(3, 2);
         let (one, other) = (IpAddr::from([192, 0, 2, 1]), IpAddr::from([192, 0, 2, 2]));
-        let first = slots.take(one).expect("room");
-        let _second = slots.take(one).expect("room");
+        let first = slots.take(one).expect("a free slot");
+        let _second = slots.take(one).expect("a free slot");
         assert!(slots.take(one).is_none(), "one sender's share is taken");
-        let third = slots.take(other).expect("room for others");
-        assert!(slots.take(other).is_none(), "everything is taken");
+        let third = slots.take(other).expect("a free slot for others");
+        assert!(slots.take(other).is_none(), "all slots are taken");
         drop(first);
         assert!(slots.take(one).is_some());
         drop(third);
-        assert_eq!(slots.taken.lock().unwrap().of.len(), 1, "who is gone is forgotten");
+        assert_eq!(slots.taken.lock().unwrap().of.len(), 1, "a sender without connections is forgotten");
     }
 }

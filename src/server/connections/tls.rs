@@ -10,16 +10,16 @@ use tokio_rustls::TlsAcceptor;
 use crate::config::TlsConfig;
 use crate::server::secret_file;
 
-/// How often the files are looked at. What changes is used when it has stayed the same from one look to the next: certificate and key
-/// are written one after the other.
+/// How often the files are checked. Changed files are used once they are the same in two checks in a row, because
+/// certificate and key are written one after the other.
 const LOOK: Duration = Duration::from_secs(2);
 
-/// A certificate or key that cannot be used: one line that names the key of the configuration and the file.
+/// A certificate or key that cannot be used: one line that names the configuration key and the file.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct TlsError(String);
 
-/// The certificate in use, and the files that it is read from again when they change.
+/// The certificate in use, which is read again when its files change.
 #[derive(Debug)]
 pub struct Tls {
     files: TlsConfig,
@@ -27,12 +27,15 @@ pub struct Tls {
     in_use: RwLock<Arc<ServerConfig>>,
 }
 
-/// What changes when files are written or replaced.
+/// Modification time, length and inode of certificate and key, which change when the files are written or replaced.
 type Stamp = [Option<(SystemTime, u64, u64)>; 2];
 
 impl Tls {
-    /// Reads certificate and key; none if there is to be no TLS. Errors: files that cannot be read, are no PEM, do not belong
-    /// together, or a key that others can read.
+    /// Reads certificate and key; `None` if TLS is not configured.
+    ///
+    /// # Errors
+    ///
+    /// If a file cannot be read or is not PEM, if the two do not belong together, or if others can read the key.
     pub fn load(files: &TlsConfig) -> Result<Option<Self>, TlsError> {
         if !files.is_on() {
             return Ok(None);
@@ -42,12 +45,12 @@ impl Tls {
         Ok(Some(Self { files: files.clone(), read, in_use }))
     }
 
-    /// What greets a new connection.
+    /// Accepts new connections with the certificate in use.
     pub(super) fn acceptor(&self) -> TlsAcceptor {
         TlsAcceptor::from(Arc::clone(&self.in_use.read().unwrap_or_else(PoisonError::into_inner)))
     }
 
-    /// Uses certificates that replace the one in use; never ends. One that cannot be used is told, and the old one stays.
+    /// Watches the files for a new certificate; never returns. One that cannot be used is logged and not used.
     pub(super) async fn follow(&self) {
         let (mut used, mut seen) = (self.read, self.read);
         loop {

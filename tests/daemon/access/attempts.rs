@@ -1,4 +1,4 @@
-//! Guessing tokens is slow, and harms nobody who is in.
+//! Guessing tokens is slow, and does not affect anybody with a session.
 
 use super::client::{CONTROL, Guarded, READ, bearer};
 
@@ -11,12 +11,12 @@ fn ten_wrong_tokens_keep_an_address_from_trying_more() {
     }
     for token in ["wrong-0123456789abcdef99", READ, CONTROL] {
         let barred = status(token);
-        assert_eq!(barred.status, 429, "whether a token is right is not told");
-        let wait: u64 = barred.header("retry-after").expect("when").parse().expect("seconds");
+        assert_eq!(barred.status, 429, "the answer does not tell whether a token is right");
+        let wait: u64 = barred.header("retry-after").expect("retry-after").parse().expect("seconds");
         assert!((1..=60).contains(&wait), "{wait}");
         barred.problem();
     }
-    // Nothing is tried without a token.
+    // Requests without a token are still answered.
     assert_eq!(doorcam.ask("GET", "/api/v1/status", &[]).status, 401);
     assert_eq!(doorcam.ask("GET", "/livez", &[]).status, 200);
     doorcam.daemon.wait_for_log("wrong tokens");

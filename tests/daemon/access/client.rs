@@ -1,4 +1,4 @@
-//! A doorcam with rules, and a client that sends just what it is told to: also what no browser or library would send.
+//! A doorcam with rules of access, and a client that can also send what no browser or library would.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -10,7 +10,7 @@ use crate::common::{Daemon, doorcam, grey_recording, manifest};
 pub const CONTROL: &str = "control-0123456789abcdef";
 pub const READ: &str = "read-0123456789abcdef0123";
 
-/// A running doorcam on a recording of nobody.
+/// A running doorcam with a recording of an empty room.
 pub struct Guarded {
     pub daemon: Daemon,
     _recording: tempfile::TempDir,
@@ -47,18 +47,18 @@ impl Guarded {
         Self { daemon: Daemon::spawn(command), _recording: directory }
     }
 
-    /// Where it listens, as a client of this machine reaches it.
+    /// The address at which a client on this machine reaches it.
     pub fn address(&self) -> SocketAddr {
         let port = self.daemon.url.rsplit(':').next().unwrap().parse().unwrap();
         SocketAddr::from(([127, 0, 0, 1], port))
     }
 
-    /// Sends a request with just these headers, and `Host` and `Connection: close`.
+    /// Sends a request with only these headers, `Host` and `Connection: close`.
     pub fn ask(&self, method: &str, path: &str, headers: &[(&str, &str)]) -> Answer {
         self.send(method, path, headers, "")
     }
 
-    /// The same with a body.
+    /// Like `ask`, with a body.
     pub fn send(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> Answer {
         let address = self.address();
         let mut request = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\n");
@@ -74,7 +74,7 @@ impl Guarded {
         exchange(address, &format!("{request}\r\n{body}"))
     }
 
-    /// Asks for the upgrade to a WebSocket and returns the status: 101 is yes.
+    /// Asks for the upgrade to a WebSocket and returns the status, 101 if it is granted.
     pub fn upgrade(&self, headers: &[(&str, &str)]) -> u16 {
         let address = self.address();
         let mut request = String::from(
@@ -95,13 +95,13 @@ impl Guarded {
     }
 }
 
-/// Writes a file with just these permissions.
+/// Writes a file with exactly these permissions.
 pub fn write_with_mode(file: &std::path::Path, text: &str, mode: u32) {
     std::fs::write(file, text).unwrap();
     std::fs::set_permissions(file, std::fs::Permissions::from_mode(mode)).unwrap();
 }
 
-/// `Authorization` with a token.
+/// The value of `Authorization` for a token.
 pub fn bearer(token: &str) -> String {
     format!("Bearer {token}")
 }
@@ -115,12 +115,12 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// The first header of that name, in lower case.
+    /// The first header with this name, which must be in lower case.
     pub fn header(&self, name: &str) -> Option<&str> {
         self.headers.iter().find(|(n, _)| n == name).map(|(_, value)| value.as_str())
     }
 
-    /// The JSON of a problem, which every refusal must be.
+    /// The body as a problem, which every refusal must be.
     pub fn problem(&self) -> serde_json::Value {
         assert_eq!(self.header("content-type"), Some("application/problem+json"), "{self:?}");
         let problem: serde_json::Value = serde_json::from_str(&self.body).expect("JSON");
@@ -135,18 +135,18 @@ pub fn connect(address: SocketAddr) -> TcpStream {
     stream
 }
 
-/// Sends bytes and reads the answer; they must ask for the connection to be closed.
+/// Sends a request, which must ask for the connection to be closed, and reads the answer.
 pub fn exchange(address: SocketAddr, request: &str) -> Answer {
     let mut stream = connect(address);
-    // Who is refused early may find the connection closed; the answer is there all the same.
+    // After an early refusal the connection may already be closed, but the answer is still there.
     let _ = stream.write_all(request.as_bytes());
     answer(&mut stream).expect("an answer")
 }
 
-/// Reads to the end; none if nothing comes.
+/// Reads an answer to the end of the connection; `None` if there is none.
 pub fn answer(stream: &mut impl Read) -> Option<Answer> {
     let mut bytes = Vec::new();
-    // A reset after the answer is no fault of the answer.
+    // A reset after the answer does not matter.
     let _ = stream.read_to_end(&mut bytes);
     let text = String::from_utf8_lossy(&bytes);
     let (head, body) = text.split_once("\r\n\r\n")?;

@@ -1,4 +1,4 @@
-//! What every answer tells a browser, refusals included.
+//! The security headers of every answer, refusals included.
 
 use super::client::{Answer, Guarded};
 
@@ -46,11 +46,11 @@ fn every_answer_has_the_headers() {
         let answer = doorcam.ask("GET", path, &[]);
         assert_strict(&answer);
         assert_eq!(answer.header("cache-control"), Some("no-store"), "{path}");
-        assert_eq!(answer.header("strict-transport-security"), None, "without TLS nobody can insist on it");
+        assert_eq!(answer.header("strict-transport-security"), None, "without TLS a browser must not insist on it");
     }
 }
 
-/// The policy lets no inline script or style through: the page must have none.
+/// The policy forbids inline scripts and styles, so the page must have none.
 #[test]
 fn the_page_has_nothing_that_the_policy_forbids() {
     let doorcam = Guarded::start(&[]);

@@ -19,7 +19,7 @@ fn a_name_that_is_not_its_own_gets_nothing() {
         }
         assert_eq!(doorcam.upgrade(&[("Host", host)]), 403);
     }
-    // No name, two of them, and one in the request line that differs.
+    // No host, two hosts, and another host in the request line.
     let address = doorcam.address();
     let raw = |head: &str| exchange(address, &format!("{head}Connection: close\r\n\r\n")).status;
     assert_eq!(raw("GET /api/v1/status HTTP/1.1\r\n"), 400);
@@ -39,7 +39,7 @@ fn pages_of_other_sites_change_nothing_and_do_not_listen() {
     let doorcam = Guarded::start(&[]);
     let own = format!("http://{}", doorcam.address());
     let reset = |headers: &[(&str, &str)]| doorcam.ask("POST", "/api/v1/background/reset", headers).status;
-    assert_eq!(reset(&[]), 202, "what is no browser tells no origin");
+    assert_eq!(reset(&[]), 202, "programs other than browsers send no origin");
     assert_eq!(reset(&[("Origin", &own), ("Sec-Fetch-Site", "same-origin")]), 202);
     let others = ["http://evil.example", "null", "http://127.0.0.1:1", "https://localhost"];
     for origin in others {
@@ -49,7 +49,7 @@ fn pages_of_other_sites_change_nothing_and_do_not_listen() {
     }
     assert_eq!(reset(&[("Sec-Fetch-Site", "cross-site")]), 403);
     assert_eq!((doorcam.upgrade(&[]), doorcam.upgrade(&[("Origin", &own)])), (101, 101));
-    // Reading is possible from anywhere; that the reader's browser hands nothing on is CORS, of which there is none.
+    // Reading is allowed from any origin; without CORS headers the browser does not hand the answer to the page.
     let seen = doorcam.ask("GET", "/api/v1/status", &[("Origin", "http://evil.example")]);
     assert_eq!((seen.status, seen.header("access-control-allow-origin")), (200, None));
     let asked = [("Origin", "http://evil.example"), ("Access-Control-Request-Method", "PUT")];
@@ -67,7 +67,7 @@ fn pages_of_configured_origins_may_ask() {
         "/api/v1/status",
         &[origin, ("Access-Control-Request-Method", "GET"), ("Access-Control-Request-Headers", "authorization")],
     );
-    assert_eq!(preflight.status, 200, "a browser sends no token with its question");
+    assert_eq!(preflight.status, 200, "a browser sends no token with a preflight request");
     assert_eq!(preflight.header("access-control-allow-origin"), Some("https://dash.example"));
     assert!(preflight.header("access-control-allow-headers").unwrap().contains("authorization"));
     let answer = doorcam.ask("GET", "/api/v1/status", &[origin, ("Authorization", &bearer(READ))]);
@@ -85,8 +85,8 @@ fn a_live_socket_of_the_page_still_works() {
     let address = doorcam.address();
     let mut stream = connect(address);
     let request = format!(
-        "GET /api/v1/live HTTP/1.1\r\nHost: {address}\r\nOrigin: http://{address}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
-         Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+        "GET /api/v1/live HTTP/1.1\r\nHost: {address}\r\nOrigin: http://{address}\r\nConnection: Upgrade\r\n\
+         Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
     );
     stream.write_all(request.as_bytes()).unwrap();
     let mut seen = Vec::new();

@@ -14,6 +14,6 @@ fn pictures_of_the_visible_side_are_withheld_where_they_are_switched_off() {
     assert_eq!(doorcam.ask("GET", "/api/v1/reconstruction", &[]).status, 200);
     assert!(doorcam.ask("GET", "/api/v1/session", &[]).body.contains("\"images\":false"));
     assert_eq!(doorcam.ask("GET", "/api/v1/difference.png", &[]).status, 200);
-    // A recording of patches has no such picture: it is not the switch that says so.
+    // With pictures switched on, a recording of patches has no such picture, so the answer is 404 and not 403.
     assert_eq!(Guarded::start(&[]).ask("GET", "/api/v1/frame.jpg", &[]).status, 404);
 }

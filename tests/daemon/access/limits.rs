@@ -1,4 +1,4 @@
-//! Clients that are slow, large or many: they are turned away, and others are served meanwhile.
+//! Clients that are slow, send too much or are too many are turned away, and others are served meanwhile.
 
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
@@ -10,7 +10,7 @@ fn who_sends_slowly_or_nothing_is_cut_off_and_others_are_served_meanwhile() {
     let doorcam = Guarded::start(&[]);
     let address = doorcam.address();
     let begin = Instant::now();
-    // Nothing; a head that never ends; a request, then nothing more.
+    // No request at all, a head that never ends, and a whole request followed by silence.
     let starts = [
         "",
         "GET /api/v1/status HTTP/1.1\r\nHost: 127.0.0.1\r\nX-A: ",
@@ -21,7 +21,7 @@ fn who_sends_slowly_or_nothing_is_cut_off_and_others_are_served_meanwhile() {
             let mut stream = connect(address);
             stream.write_all(starts[k % 3].as_bytes()).unwrap();
             std::thread::spawn(move || {
-                // One byte now and then, as if the line were slow.
+                // One byte a second, as over a slow line.
                 let mut sender = stream.try_clone().unwrap();
                 if k % 3 == 1 {
                     std::thread::spawn(move || {
@@ -30,7 +30,7 @@ fn who_sends_slowly_or_nothing_is_cut_off_and_others_are_served_meanwhile() {
                         }
                     });
                 }
-                // To the end of the connection; who waits in vain fails.
+                // Read to the end of the connection; a timeout means that it is still open.
                 match stream.read_to_end(&mut Vec::new()) {
                     Ok(_) => {}
                     Err(e) => assert_eq!(e.kind(), std::io::ErrorKind::ConnectionReset, "still open: {e}"),
@@ -50,7 +50,8 @@ fn who_sends_slowly_or_nothing_is_cut_off_and_others_are_served_meanwhile() {
 fn a_body_that_does_not_come_is_given_up() {
     let doorcam = Guarded::start(&[]);
     let mut stream = connect(doorcam.address());
-    let head = "POST /api/v1/calibration/check HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\nContent-Length: 100\r\n\r\n{";
+    let head = "POST /api/v1/calibration/check HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\
+                Content-Length: 100\r\n\r\n{";
     stream.write_all(head.as_bytes()).unwrap();
     let refused = answer(&mut stream).expect("an answer");
     assert_eq!(refused.status, 408);
@@ -69,7 +70,7 @@ fn large_requests_are_refused() {
     let chunks = format!("{:x}\r\n{}\r\n", 8192, " ".repeat(8192)).repeat(257);
     let head = "POST /api/v1/calibration/check HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n";
     assert_eq!(exchange(address, &format!("{head}Transfer-Encoding: chunked\r\n\r\n{chunks}0\r\n\r\n")).status, 413);
-    // Many headers, and a long one.
+    // Too many headers, then one that is too long.
     let get = "GET /livez HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n";
     let flood: String = (0..200).map(|k| format!("X-{k}: a\r\n")).collect();
     assert_eq!(exchange(address, &format!("{get}{flood}\r\n")).status, 431);
@@ -90,13 +91,13 @@ fn is_served(doorcam: &Guarded) -> bool {
 fn one_address_takes_its_share_of_connections_and_no_more() {
     for config in ["max_connections_per_address = 5", "max_connections = 5"] {
         let doorcam = Guarded::configured(&format!("[server]\n{config}\n"), &[]);
-        // Live sockets count for as long as they live.
+        // Live sockets count until they are closed.
         let sockets: Vec<_> = (0..5).map(|_| doorcam.daemon.live()).collect();
         assert!(!is_served(&doorcam), "{config}");
         drop(sockets);
         let deadline = Instant::now() + Duration::from_secs(30);
         while !is_served(&doorcam) {
-            assert!(Instant::now() < deadline, "{config}: connections that are closed still count");
+            assert!(Instant::now() < deadline, "{config}: closed connections still count");
             std::thread::sleep(Duration::from_millis(50));
         }
     }
@@ -107,7 +108,7 @@ fn a_client_that_takes_no_bytes_is_cut_off() {
     let doorcam = Guarded::configured("[server]\nmax_connections = 1\n", &[]);
     let address = doorcam.address();
     let mut stream = connect(address);
-    // Answers to far more than the buffers in between can hold, of which not one is read.
+    // Ask for far more than the buffers in between can hold, and read none of it.
     let ask = "GET /app.js HTTP/1.1\r\nHost: localhost\r\n\r\n".repeat(2000);
     stream.set_write_timeout(Some(Duration::from_secs(2))).unwrap();
     let _ = stream.write_all(ask.as_bytes());

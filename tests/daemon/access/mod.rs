@@ -1,4 +1,4 @@
-//! The rules of access, each tried on the real program by somebody who breaks it.
+//! Tests that try to break each rule of access, on the real program.
 
 mod attempts;
 mod client;

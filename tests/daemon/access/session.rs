@@ -1,4 +1,4 @@
-//! Browsers show a token once and are known by a cookie.
+//! Browsers send a token once and are known by a cookie from then on.
 
 use std::time::{Duration, Instant};
 
@@ -51,7 +51,7 @@ fn a_session_may_do_what_its_token_may_until_it_is_logged_out() {
     assert!(inside["expires_s"].as_u64().is_some_and(|s| s > 3600), "{inside}");
 
     let control = cookie(&log_in(&doorcam, CONTROL, &[("Cookie", &read)]));
-    assert_eq!(with(&read, "GET", "/api/v1/status"), 401, "the session before is over");
+    assert_eq!(with(&read, "GET", "/api/v1/status"), 401, "a new login ends the previous session");
     assert_eq!(with(&control, "POST", "/api/v1/background/reset"), 202);
     assert_eq!(with(&control[..control.len() - 1], "GET", "/api/v1/status"), 401);
     let out = doorcam.ask("DELETE", SESSION, &[("Cookie", &control)]);
@@ -97,7 +97,7 @@ fn a_session_ends_by_itself() {
     assert_eq!(doorcam.ask("GET", "/api/v1/status", &[("Cookie", &cookie)]).status, 200);
     let deadline = Instant::now() + Duration::from_secs(30);
     while doorcam.ask("GET", "/api/v1/status", &[("Cookie", &cookie)]).status != 401 {
-        assert!(Instant::now() < deadline, "it goes on");
+        assert!(Instant::now() < deadline, "the session does not end");
         std::thread::sleep(Duration::from_millis(100));
     }
 }
@@ -105,7 +105,7 @@ fn a_session_ends_by_itself() {
 #[test]
 fn over_https_the_cookie_stays_there() {
     let doorcam = Guarded::configured("[access]\nallowed_hosts = [\"door.lan\"]\n", &[("DOORCAM_TOKEN", CONTROL)]);
-    // As a page behind a proxy that ends TLS.
+    // Like a page behind a proxy that ends TLS.
     let answer = log_in(&doorcam, CONTROL, &[("Host", "door.lan"), ("Origin", "https://door.lan")]);
     assert!(answer.status == 200 && answer.header("set-cookie").unwrap().contains("; Secure"), "{answer:?}");
 }

@@ -1,9 +1,9 @@
-//! Refused starts; what each token opens; that no token is ever shown.
+//! When a start is refused, what each token allows, and that no token is ever shown.
 
 use super::client::{CONTROL, Guarded, READ, bearer, write_with_mode};
 use crate::common::{doorcam, grey_recording, manifest, stderr};
 
-/// Every route that tells something.
+/// The routes that read.
 const READS: [&str; 16] = [
     "/metrics",
     "/api/v1/status",
@@ -23,7 +23,7 @@ const READS: [&str; 16] = [
     "/api/v1/frame.jpg",
 ];
 
-/// Every route that changes something.
+/// The routes that change something.
 const CHANGES: [(&str, &str); 8] = [
     ("PUT", "/api/v1/calibration"),
     ("POST", "/api/v1/calibration/check"),
@@ -35,7 +35,7 @@ const CHANGES: [(&str, &str); 8] = [
     ("DELETE", "/api/v1/recording"),
 ];
 
-/// The one line with which a start is refused.
+/// Runs doorcam, which must refuse to start with a single line, and returns the line.
 fn refusal(arguments: &[&str], environment: &[(&str, &str)]) -> String {
     let directory = grey_recording(&manifest(), 3);
     let source = format!("replay:{}", directory.path().display());
@@ -51,8 +51,8 @@ fn refusal(arguments: &[&str], environment: &[(&str, &str)]) -> String {
 #[test]
 fn an_address_that_others_can_reach_is_refused_without_a_token() {
     let expected = "doorcam: 0.0.0.0:0 can be reached by others and there is no token, expected --token-file FILE, \
-                    access.token_file or DOORCAM_TOKEN (or --allow-unauthenticated, with which everybody who reaches it sees and \
-                    changes everything)";
+                    access.token_file or DOORCAM_TOKEN (or --allow-unauthenticated, with which everybody who reaches \
+                    it sees and changes everything)";
     assert_eq!(refusal(&["--listen", "0.0.0.0:0"], &[]), expected);
     let demo = doorcam(&["demo", "--listen", "[::]:0"]).output().unwrap();
     assert!(demo.status.code() == Some(1) && stderr(&demo).contains("there is no token"), "{}", stderr(&demo));
@@ -76,7 +76,8 @@ fn a_token_that_others_can_read_or_guess_is_refused() {
     for mode in [0o644, 0o604, 0o660, 0o602] {
         write_with_mode(&file, CONTROL, mode);
         let open = format!(
-            "doorcam: access.token_file: {path}: its mode {mode:o} lets others at the secret, expected 600 or 640 (chmod 600 {path})"
+            "doorcam: access.token_file: {path}: its mode {mode:o} lets others at the secret, expected 600 or 640 \
+             (chmod 600 {path})"
         );
         assert_eq!(refusal(&["--token-file", path], &[]), open);
     }
@@ -153,7 +154,7 @@ fn no_token_is_ever_told() {
     let environment = [("DOORCAM_TOKEN", CONTROL), ("DOORCAM_READ_TOKEN", READ), ("RUST_LOG", "trace")];
     let doorcam = Guarded::start_with("127.0.0.1:0", "", &environment, &[]);
     let mut told = String::new();
-    // The wrong one comes last: after some of it nobody at this address gets an answer.
+    // The wrong token comes last, because after enough wrong ones this address gets no more answers.
     for token in [READ, CONTROL, wrong] {
         let asked = READS.into_iter().chain(["/api/v1/config", "/api/v1/openapi.json"]).map(|path| ("GET", path));
         for (method, path) in asked.chain([("POST", "/api/v1/background/reset")]) {
@@ -167,6 +168,6 @@ fn no_token_is_ever_told() {
     }
     told.push_str(&doorcam.daemon.log());
     for token in [wrong, READ, CONTROL] {
-        assert!(!told.contains(token), "{token} is told");
+        assert!(!told.contains(token), "{token} is shown");
     }
 }

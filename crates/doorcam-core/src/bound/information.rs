@@ -2,14 +2,13 @@
 
 use nalgebra::{Cholesky, DMatrix};
 
-/// Smallest share of a parameter's information that the others must leave for it to count as observable: what is below is
-/// rounding.
+/// A parameter is observable if the others leave at least this share of its information; less is rounding error.
 const LEAST_SHARE: f64 = 1e-13;
 
-/// The inverse of a matrix of Fisher information; none if it leaves a direction unknown.
+/// The inverse of a Fisher information matrix; none if it leaves a direction unknown.
 ///
-/// Parameters come in units of their own: each is scaled to unit information, so that only what they have in common
-/// makes the matrix ill-conditioned.
+/// Parameters have different units, so each is scaled to unit information. Then only correlation between them can make
+/// the matrix ill-conditioned.
 pub(super) fn covariance(information: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let scale = information.diagonal().map(|f| 1.0 / f.sqrt());
     if !scale.iter().all(|s| s.is_finite() && *s > 0.0) {

@@ -1,7 +1,7 @@
-//! How well anybody could locate a hidden target: the Cramér-Rao bound (paper, section 3, eq. 6 to 11).
+//! How well a hidden target can be located at best: the Cramér-Rao bound (paper, section 3, eq. 6 to 11).
 //!
-//! No unbiased estimate from the same pixels has a smaller variance. It is worked out for a point on the floor, as in the
-//! paper, and for a person, with the four ways of measuring that its figure 5 compares.
+//! No unbiased estimate from the same pixels has a smaller variance. The bound is computed for a point on the floor, as
+//! in the paper, and for a person, with the four ways of measuring that the paper's figure 5 compares.
 
 mod information;
 mod nuisance;

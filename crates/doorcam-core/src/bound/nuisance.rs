@@ -1,16 +1,16 @@
-//! What is left of a patch's information when patterns may be present in any strength.
+//! The information left in a patch when nuisance patterns may be present at any strength.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// A pattern that others explain but for this share of its norm adds nothing of its own.
+/// A pattern is dropped if the others explain all but this share of its norm.
 const NOTHING_NEW: f64 = 1e-6;
 
-/// Patterns of unknown strength, in units of each pixel's noise: orthonormal ones that span the same.
+/// An orthonormal basis of patterns of unknown strength, in units of each pixel's noise.
 #[derive(Debug, Clone)]
 pub(super) struct Patterns(Vec<Vec<f64>>);
 
 impl Patterns {
-    /// By Gram and Schmidt, twice for accuracy.
+    /// Gram-Schmidt, run twice for accuracy.
     pub fn new(patterns: &[Vec<f64>]) -> Self {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let mut found: Vec<Vec<f64>> = Vec::new();
@@ -31,8 +31,9 @@ impl Patterns {
         Self(found)
     }
 
-    /// Fisher information on three parameters, from each pixel's gradient in units of its noise, beside the patterns: the Schur
-    /// complement of their strengths in the whole matrix, which is what the gradients are once the patterns are projected out.
+    /// Fisher information on three parameters when the patterns' strengths are unknown, from each pixel's gradient in
+    /// units of its noise. This is the Schur complement of the strengths in the full matrix, which is the information
+    /// of the gradients with the patterns projected out.
     pub fn information(&self, gradients: &[Vector3<f64>]) -> Matrix3<f64> {
         let mut sum = Matrix3::zeros();
         gradients.iter().for_each(|gradient| sum.ger(1.0, gradient, gradient, 1.0));

@@ -1,5 +1,5 @@
-//! The bound for somebody who stands in a lit room, of whom the strength is not known, and neither is how the camera's gain and
-//! the light of its own side changed.
+//! The bound for a person in a lit room, when their strength, the camera's gain and the change of the visible side's
+//! light are all unknown.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -8,27 +8,27 @@ use super::point::{Bound, Setup, SetupError, Strategy, within};
 use crate::geometry::{Doorway, Point, Room, Side};
 use crate::transport::{Body, FloorView, PatchGrid, PixelLayout};
 
-/// A person, as a vertical cylinder of one radiance, before a room that is equally bright in every direction.
+/// A person, as a vertical cylinder of uniform radiance, in front of a room that is equally bright in every direction.
 ///
-/// Pixels are means over their area, relative to the mean level of the still floor in the patches. In each patch the still
-/// picture may be present in any strength (gain), and so may even light (the visible side's).
+/// Pixels are means over their area, relative to the mean level of the empty room's floor in the patches. In each
+/// patch, the still picture (gain) and even light (from the visible side) may be present at any strength.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PersonSetup {
-    /// Doorway, patches, pixels, and the noise of a pixel as a share of the floor's level.
+    /// Doorway, patches and pixels; the noise of a pixel is a share of the floor's level.
     pub measured: Setup,
     /// Height of the person, in metres.
     pub height_m: f64,
-    /// Radius, in metres.
+    /// Radius of the person, in metres.
     pub radius_m: f64,
-    /// How much brighter they are than the room behind them, as a share of that; negative is darker.
+    /// How much brighter the person is than the room behind them, as a share of the latter; negative if darker.
     pub contrast: f64,
     /// Share of the floor's light that comes from the visible side.
     pub visible_share: f64,
 }
 
 impl PersonSetup {
-    /// Somebody of average size, half as bright as the room behind them, at a common door; half of the floor's light comes from
-    /// the visible side, and a pixel's noise is 0.5 % of the floor's level.
+    /// A person of average size at a common door, half as bright as the room behind them. Half of the floor's light
+    /// comes from the visible side, and a pixel's noise is 0.5 % of the floor's level.
     pub const USUAL: PersonSetup = PersonSetup {
         measured: Setup {
             doorway: Doorway { width_m: 0.85, wall_thickness_m: 0.12, height_m: None },
@@ -42,7 +42,11 @@ impl PersonSetup {
         visible_share: 0.5,
     };
 
-    /// Checks that the numbers are ones that a person can have.
+    /// Checks that all values are in range.
+    ///
+    /// # Errors
+    ///
+    /// If a value is out of range or the contrast is 0; the error names it.
     pub fn validate(&self) -> Result<(), SetupError> {
         self.measured.validate()?;
         within("height", self.height_m, 0.1..=3.0, "metres")?;
@@ -54,8 +58,8 @@ impl PersonSetup {
         Err(SetupError { key: "contrast", value: self.contrast, expected: "a share other than 0".into() })
     }
 
-    /// The bound of one strategy for somebody whose axis stands at a point with y > 0, metres in the door frame. `sd_c` is
-    /// relative to their strength.
+    /// The bound of one strategy for a person whose axis is at a point with y > 0, in metres in the door frame. `sd_c`
+    /// is relative to the person's strength.
     pub fn bound(&self, strategy: Strategy, place: Point) -> Bound {
         let information = strategy.sides().iter().map(|&side| self.information(strategy, side, place)).sum();
         Bound::new(&self.measured.doorway, place, &information)
@@ -70,7 +74,7 @@ impl PersonSetup {
     fn information(&self, strategy: Strategy, side: Side, place: Point) -> Matrix3<f64> {
         let Setup { doorway, patch_m, pixels, noise } = self.measured;
         let aperture = Aperture::new(&doorway, strategy);
-        // A pixel is a mean over points of its area.
+        // A pixel is the mean over sample points in its area.
         let within = FINE.div_ceil(pixels);
         let fine = PatchGrid { size: pixels * within, fov_m: patch_m, layout: PixelLayout::Cells };
         let (mut room, mut person) = (vec![0.0; pixels * pixels], vec![Vector3::zeros(); pixels * pixels]);
@@ -82,7 +86,7 @@ impl PersonSetup {
             person[pixel] += share * aperture.person(&view, self.radius_m, self.height_m, place);
         }
         let level = room.iter().sum::<f64>() / room.len() as f64;
-        // Of a floor at level 1, the room's part is what the visible side leaves.
+        // The floor's level is 1; the hidden room provides what the visible side does not.
         let hidden = (1.0 - self.visible_share) / level;
         let still: Vec<f64> = room.iter().map(|light| hidden * light + self.visible_share).collect();
         let even = vec![1.0; room.len()];
@@ -92,22 +96,22 @@ impl PersonSetup {
     }
 }
 
-/// Points along each side of a patch at least, however few its pixels are.
+/// Smallest number of sample points along each side of a patch, however few pixels it has.
 const FINE: usize = 64;
 
-/// What lets a strategy's light through: the doorway, or as much of it as the strategy has.
+/// The aperture that a strategy's light passes: the doorway, or the part of it that the strategy has.
 #[derive(Debug, Clone)]
 pub(super) struct Aperture {
     opening: Doorway,
-    /// Added to x to come from the doorway's frame to that of the opening.
+    /// Added to x to convert from the door frame to the frame of `opening`.
     shift: f64,
 }
 
-/// As wide as the world: its far edges cut nothing.
+/// Width of an opening whose far edges block nothing.
 const WIDE_M: f64 = 200.0;
-/// So high that a wall fills all elevations.
+/// Height of a wall that fills all elevations.
 const HIGH_M: f64 = 1e6;
-/// Step of derivatives, in metres. A body of some width has a penumbra without a step: its light is continuous in its place.
+/// Step of numerical derivatives, in metres. The light of a body with a width is a continuous function of its place.
 const STEP_M: f64 = 1e-4;
 
 impl Aperture {
@@ -115,7 +119,7 @@ impl Aperture {
         let wide = Doorway { width_m: WIDE_M, height_m: None, ..*doorway };
         match strategy {
             Strategy::Doorway => Self { opening: *doorway, shift: 0.0 },
-            // The left edge stays where it is.
+            // The left edge stays in place.
             Strategy::SingleCorner => Self { opening: wide, shift: doorway.half_width() - WIDE_M / 2.0 },
             Strategy::SinglePatch | Strategy::DoublePatch => Self { opening: wide, shift: 0.0 },
         }
@@ -125,7 +129,7 @@ impl Aperture {
         FloorView::new(&self.opening, [x + self.shift, y])
     }
 
-    /// Light of a room of unit radiance in every direction.
+    /// Light from a room of unit radiance in every direction.
     pub(super) fn room(&self, view: &FloorView) -> f64 {
         let anywhere = Room { half_width_m: 1.0, depth_m: 1.0 };
         let mut even = [0.0];
@@ -133,7 +137,7 @@ impl Aperture {
         even[0]
     }
 
-    /// Light of a person of unit radiance, and its derivatives by x and y.
+    /// Light from a person of unit radiance, and its derivatives by x and y.
     pub(super) fn person(&self, view: &FloorView, radius_m: f64, height_m: f64, [x, y]: Point) -> Vector3<f64> {
         let light = |dx: f64, dy: f64| {
             let body = Body { centre: [x + self.shift + dx, y + dy], radius_m, height_m };
@@ -157,7 +161,8 @@ mod tests {
     const SETUP: PersonSetup =
         PersonSetup { measured: Setup { pixels: FINE, ..PersonSetup::USUAL.measured }, ..PersonSetup::USUAL };
 
-    /// The same from the whole matrix of information on all seven parameters: c, x, y, and gain and even light of both patches.
+    /// Compares with the full information matrix of all seven parameters: c, x, y, and gain and even light of both
+    /// patches.
     #[test]
     fn nuisances_cost_what_the_whole_matrix_says() {
         for place in [[0.3, 1.2], [-0.8, 2.0], [0.0, 0.6]] {
@@ -188,7 +193,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(16))]
+        #![proptest_config(crate::testing::cases(16))]
         #[test]
         fn people_are_as_uncertain_as_their_mirror_images_and_more_so_in_noise(
             x in -1.2..1.2f64, y in 0.4..2.8f64, factor in 0.1..10.0f64,
@@ -196,16 +201,20 @@ mod tests {
             let here = SETUP.bound(Strategy::Doorway, [x, y]);
             prop_assume!(here.error_m().is_finite());
             let mirrored = SETUP.bound(Strategy::Doorway, [-x, y]);
-            // Kinks of the penumbra may fall differently within a step of the derivative.
+            // In the mirror image, a kink of the penumbra may fall elsewhere within a step of the derivative.
             prop_assert!((here.sd_phi1 / mirrored.sd_phi2 - 1.0).abs() < 1e-3, "{here:?} {mirrored:?}");
             prop_assert!((here.error_m() / mirrored.error_m() - 1.0).abs() < 1e-3);
             let noisy = PersonSetup { measured: Setup { noise: factor * 0.005, ..SETUP.measured }, ..SETUP };
-            prop_assert!((noisy.bound(Strategy::Doorway, [x, y]).error_m() / (factor * here.error_m()) - 1.0).abs() < 1e-9);
+            prop_assert!(
+                (noisy.bound(Strategy::Doorway, [x, y]).error_m() / (factor * here.error_m()) - 1.0).abs() < 1e-9
+            );
             let faint = PersonSetup { contrast: -0.5 / factor, ..SETUP };
-            prop_assert!((faint.bound(Strategy::Doorway, [x, y]).error_m() / (factor * here.error_m()) - 1.0).abs() < 1e-9);
+            prop_assert!(
+                (faint.bound(Strategy::Doorway, [x, y]).error_m() / (factor * here.error_m()) - 1.0).abs() < 1e-9
+            );
         }
 
-        /// What is known of a nuisance can only help, and so can another patch.
+        /// An edge can only help, and so can another patch.
         #[test]
         fn more_measurements_are_never_worse(x in -0.8..0.8f64, y in 0.4..2.8f64) {
             let [single, corner, double, door] = SETUP.bounds([x, y]);

@@ -1,10 +1,10 @@
-//! The integrals of eq. 9 and 10, and how they change as the target moves.
+//! The integrals of eq. 9 and 10, with their derivatives by the target's place.
 
 use super::point::Setup;
 use super::quadrature::Rule;
 use crate::geometry::{Doorway, Point, Side};
 
-/// What one pixel receives of a point of unit brightness on the hidden floor.
+/// Light that one pixel receives from a point of unit brightness on the hidden floor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct PixelLight {
     /// i_m of eq. 9 or 10 with c_s = 1.
@@ -13,12 +13,12 @@ pub(super) struct PixelLight {
     pub by: Point,
 }
 
-/// The light of a target at `target`, metres in the door frame, on every pixel of a patch, row by row from the wall. With
-/// `edge`, the patch's own edge cuts it, at both faces of the wall; without, nothing does.
+/// The light of a target at `target` (metres in the door frame) on every pixel of a patch, row by row from the wall.
+/// With `edge`, the patch's own edge blocks light at both faces of the wall; otherwise nothing does.
 pub(super) fn patch_light(setup: &Setup, side: Side, edge: bool, target: Point) -> Vec<PixelLight> {
     match side {
         Side::Left => left(setup, edge, target),
-        // The same, seen in a mirror that stands in the middle of the doorway.
+        // The mirror image about x = 0.
         Side::Right => {
             let mut pixels = left(setup, edge, [-target[0], target[1]]);
             pixels.iter_mut().for_each(|pixel| pixel.by[0] = -pixel.by[0]);
@@ -31,7 +31,7 @@ pub(super) fn patch_light(setup: &Setup, side: Side, edge: bool, target: Point) 
 fn left(setup: &Setup, edge: bool, target: Point) -> Vec<PixelLight> {
     let cell = setup.patch_m / setup.pixels as f64;
     let [foot_x, top] = [-setup.doorway.half_width(), -setup.doorway.wall_thickness_m];
-    // No floor point is nearer than one on the wall's visible face.
+    // The nearest floor points are on the wall's visible face.
     let rule = Rule::new(cell, target[1] - top);
     let shadow = edge.then(|| Shadow::new(&setup.doorway, target));
     let mut pixels = Vec::with_capacity(setup.pixels * setup.pixels);
@@ -68,7 +68,8 @@ fn pixel(rule: &Rule, least: Point, cell: f64, target: Point, shadow: Option<&Sh
 }
 
 impl PixelLight {
-    /// Adds the light at a floor point that sees the target: 1 / |p − s|², by s: 2 (p − s) / |p − s|⁴.
+    /// Adds the light at a floor point p that sees the target s, 1 / |p − s|², and its gradient in s,
+    /// 2 (p − s) / |p − s|⁴.
     fn add(&mut self, target: Point, at: Point, weight: f64) {
         let d = [at[0] - target[0], at[1] - target[1]];
         let falloff = 1.0 / (d[0] * d[0] + d[1] * d[1]);
@@ -79,21 +80,21 @@ impl PixelLight {
     }
 }
 
-/// The border of the left edge's shadow: the ray from the target through the corner that cuts.
+/// The border of the left edge's shadow: the ray from the target through the wall corner that blocks the light.
 struct Shadow {
     corner: Point,
     /// Unit vector along the ray, away from the target.
     along: Point,
     /// Unit vector across it, towards the lit floor.
     normal: Point,
-    /// Distance from the target to the corner.
+    /// Distance ρ from the target to the corner.
     range: f64,
 }
 
 impl Shadow {
     fn new(doorway: &Doorway, target: Point) -> Self {
         let [x, hidden] = doorway.edge(Side::Left);
-        // Who stands behind the wall is cut off by its hidden face, who stands before the opening by its visible one.
+        // Behind the wall, its hidden face blocks the target's light; behind the opening, its visible face does.
         let corner = if target[0] < x { [x, hidden] } else { [x, -doorway.wall_thickness_m] };
         let d = [corner[0] - target[0], corner[1] - target[1]];
         let range = d[0].hypot(d[1]);
@@ -101,20 +102,20 @@ impl Shadow {
         Self { corner, along, normal: [-along[1], along[0]], range }
     }
 
-    /// Distance from the border, above 0 where the floor is lit.
+    /// Distance from the border, positive where the floor is lit.
     fn height(&self, [x, y]: Point) -> f64 {
         (x - self.corner[0]) * self.normal[0] + (y - self.corner[1]) * self.normal[1]
     }
 
-    /// The light that the pixel gains as the target moves along the normal, by metres: as it does, the border turns about
-    /// the corner and moves backwards by r / ρ at the distance r from the corner. With the light 1 / (ρ + r)² there, this is
-    /// the boundary term of Leibniz's rule, ∫ r / (ρ (ρ + r)²) dr over the part of the ray that lies in the pixel.
+    /// The light that the pixel gains per metre that the target moves along the normal. The border then turns about the
+    /// corner and, at distance r from it, moves backwards by r / ρ. With the light 1 / (ρ + r)² there, this is the
+    /// boundary term of Leibniz's rule, ∫ r / (ρ (ρ + r)²) dr over the part of the ray that lies in the pixel.
     fn sweep(&self, rule: &Rule, least: Point, cell: f64) -> f64 {
         let (mut from, mut to) = (0.0_f64, f64::INFINITY);
         for (k, least) in least.into_iter().enumerate() {
             let ends = [least, least + cell].map(|side| side - self.corner[k]);
             if self.along[k] == 0.0 {
-                // Parallel to these sides: between them, as the pixel is cut.
+                // Parallel to these sides, and between them since the ray crosses the pixel.
                 continue;
             }
             let [a, b] = ends.map(|end| end / self.along[k]);
@@ -128,8 +129,8 @@ impl Shadow {
     }
 }
 
-/// The part of a square where a height, given at its corners and linear in between, is above 0: its corners in order and
-/// how many they are.
+/// The part of a square where a height, given at its corners and linear in between, is positive. Returns the part's
+/// corners in order and their number.
 fn clip(corners: [Point; 4], heights: [f64; 4]) -> ([Point; 8], usize) {
     let (mut lit, mut count) = ([[0.0; 2]; 8], 0);
     let mut push = |point| {

@@ -1,17 +1,17 @@
-//! What somebody who installs a camera can choose.
+//! What can be chosen when a camera is installed.
 
 use super::person::PersonSetup;
 use super::point::Setup;
 
-/// A choice in planning. Along each, light is counted as photons are: a pixel that gets k times the light, by its area or by
-/// the exposure, has √k times the noise.
+/// A quantity that can be chosen in planning. Noise follows photon counting: a pixel that gets k times the light,
+/// through its area or the exposure, has √k times the noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Choice {
-    /// Side of the patches, in metres, with the same number of pixels.
+    /// Side of the patches, in metres; the number of pixels stays the same.
     Patch,
     /// Pixels along each side of a patch.
     Pixels,
-    /// Exposure, or frames averaged, against what the noise is given for.
+    /// Exposure or number of averaged frames, relative to what the noise is given for.
     Exposure,
     /// Width of the opening, in metres.
     Door,
@@ -20,7 +20,7 @@ pub enum Choice {
 }
 
 impl Choice {
-    /// All of them.
+    /// All choices.
     pub const ALL: [Choice; 5] = [Choice::Patch, Choice::Pixels, Choice::Exposure, Choice::Door, Choice::Wall];
 
     /// The word used on the command line.
@@ -34,7 +34,7 @@ impl Choice {
         }
     }
 
-    /// What its values are.
+    /// What the values are, with their unit.
     pub fn unit(self) -> &'static str {
         match self {
             Choice::Patch => "side of the patches [m]",
@@ -45,7 +45,7 @@ impl Choice {
         }
     }
 
-    /// Values worth a look.
+    /// Values to compare by default.
     pub fn usual(self) -> &'static [f64] {
         match self {
             Choice::Patch => &[0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5],
@@ -58,18 +58,19 @@ impl Choice {
 }
 
 impl Setup {
-    /// The same setup with another choice. A point's pixel is an integral over its area, and so is its noise: √k.
+    /// This setup with one quantity changed. For a point, a pixel is an integral over its area, so k times the area
+    /// gives √k times the noise.
     pub fn with(self, choice: Choice, value: f64) -> Self {
         let other = self.chosen(choice, value);
         Self { noise: other.noise * other.cell() / self.cell(), ..other }
     }
 
-    /// The choice made; the noise of a pixel changes with the exposure alone.
+    /// Sets the quantity; the noise changes only with the exposure.
     fn chosen(self, choice: Choice, value: f64) -> Self {
         let mut other = self;
         match choice {
             Choice::Patch => other.patch_m = value,
-            // Below 1 or not a number: 0, which is refused.
+            // Values below 1 and NaN become 0, which `validate` refuses.
             Choice::Pixels => other.pixels = value as usize,
             Choice::Exposure => other.noise /= value.sqrt(),
             Choice::Door => other.doorway.width_m = value,
@@ -84,10 +85,11 @@ impl Setup {
 }
 
 impl PersonSetup {
-    /// The same setup with another choice. A person's pixel is a mean over its area: the noise is less, by √k.
+    /// This setup with one quantity changed. For a person, a pixel is a mean over its area, so k times the area divides
+    /// the noise by √k.
     pub fn with(self, choice: Choice, value: f64) -> Self {
         let mut other = self.measured.chosen(choice, value);
-        // Against the light that is there, the exposure's √k is one over it, as for a point.
+        // Noise is relative to the light, so k times the exposure divides it by √k, as for a point; `chosen` does that.
         other.noise *= self.measured.cell() / other.cell();
         Self { measured: other, ..self }
     }

@@ -4,14 +4,14 @@ use super::information::covariance;
 use super::pixel_light::{PixelLight, patch_light};
 use crate::geometry::{Biangular, Doorway, Point, Side};
 
-/// A way to measure, of the four that figure 5 of the paper compares.
+/// One of the four ways to measure that figure 5 of the paper compares.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Strategy {
-    /// The left patch, and nothing that casts a shadow on it.
+    /// The left patch, with nothing that casts a shadow on it.
     SinglePatch,
-    /// The left patch with its edge: a wall that ends there rather than a doorway.
+    /// The left patch with its edge, as if the wall ended there.
     SingleCorner,
-    /// Both patches, and nothing that casts a shadow on them.
+    /// Both patches, with nothing that casts a shadow on them.
     DoublePatch,
     /// Both patches, each with its edge.
     Doorway,
@@ -32,7 +32,7 @@ impl Strategy {
         }
     }
 
-    /// Whether edges cut the light.
+    /// Whether edges block light.
     pub fn has_edge(self) -> bool {
         matches!(self, Strategy::SingleCorner | Strategy::Doorway)
     }
@@ -48,12 +48,12 @@ impl Strategy {
 
 /// What is measured, and how well: patches beside a doorway, their pixels and the noise of each.
 ///
-/// The target is a point of brightness c_s = 1 on the hidden floor; the bound depends on noise / c_s alone. A pixel's value is
-/// the integral of eq. 9 or 10 over its area in m², so that `noise` is in the same unit. Each patch sees past its own edge only,
-/// as in those equations; the other edge would cut the light of targets almost in the line of the wall.
+/// The target is a point of brightness c_s = 1 on the hidden floor; the bound depends only on noise / c_s. A pixel's
+/// value is the integral of eq. 9 or 10 over its area in m², and `noise` has the same unit. As in those equations, each
+/// patch sees only past its own edge; the other edge would block light only from targets almost in line with the wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setup {
-    /// The opening. Its lintel does not matter: the target is on the floor.
+    /// The doorway. Its lintel does not matter, since the target is on the floor.
     pub doorway: Doorway,
     /// Side of a patch, in metres.
     pub patch_m: f64,
@@ -67,15 +67,15 @@ pub struct Setup {
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[error("{key} is {value}, expected {expected}")]
 pub struct SetupError {
-    /// What is at fault: door, wall, patch, pixels, noise, ...
+    /// The value at fault: door, wall, patch, pixels, noise, ...
     pub key: &'static str,
-    /// What was given.
+    /// The value given.
     pub value: f64,
-    /// What would have been accepted.
+    /// The accepted range.
     pub expected: String,
 }
 
-/// Whether a number lies where it makes sense.
+/// Checks that a value is in its range.
 pub(super) fn within(
     key: &'static str,
     value: f64,
@@ -91,8 +91,8 @@ pub(super) fn within(
 impl Setup {
     /// The setup of figure 5: edges 1 m apart in a thin wall, patches of 0.2 m, 125 x 125 pixels.
     ///
-    /// The paper does not tell its noise. With this one its description of the figure is true, and a pixel's signal is 2.6 times
-    /// its noise from 1 m away.
+    /// The paper does not state its noise. With this value, its description of the figure holds, and the signal of a
+    /// target 1 m away is 2.6 times a pixel's noise.
     pub const PUBLISHED: Setup = Setup {
         doorway: Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None },
         patch_m: 0.2,
@@ -100,10 +100,14 @@ impl Setup {
         noise: 1e-6,
     };
 
-    /// Most pixels along a side of a patch.
+    /// Largest number of pixels along a side of a patch.
     pub const MOST_PIXELS: usize = 1000;
 
-    /// Checks that the numbers are ones that a measurement can have.
+    /// Checks that all values are in range.
+    ///
+    /// # Errors
+    ///
+    /// If a value is out of range; the error names it.
     pub fn validate(&self) -> Result<(), SetupError> {
         within("door", self.doorway.width_m, 0.01..=100.0, "metres")?;
         within("wall", self.doorway.wall_thickness_m, 0.0..=10.0, "metres")?;
@@ -115,7 +119,7 @@ impl Setup {
         Err(SetupError { key: "noise", value: self.noise, expected: "a number above 0".into() })
     }
 
-    /// The bound of one strategy for a target at a point with y > 0, metres in the door frame.
+    /// The bound of one strategy for a target at a point with y > 0, in metres in the door frame.
     pub fn bound(&self, strategy: Strategy, target: Point) -> Bound {
         let light = |&side: &Side| patch_light(self, side, strategy.has_edge(), target);
         let information = strategy.sides().iter().map(|side| information(&light(side))).sum();
@@ -141,10 +145,11 @@ fn information(pixels: &[PixelLight]) -> Matrix3<f64> {
     sum
 }
 
-/// The least standard deviations and covariance of an unbiased estimate (eq. 11). Infinite where the pixels do not tell.
+/// The smallest standard deviations and covariance of an unbiased estimate (eq. 11); infinite for what the pixels
+/// cannot determine.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bound {
-    /// √CRB(c_s), of a brightness of 1.
+    /// √CRB(c_s), for a brightness of 1.
     pub sd_c: f64,
     /// √CRB(φ1), in radians.
     pub sd_phi1: f64,
@@ -170,7 +175,7 @@ impl Bound {
         }
     }
 
-    /// Of a target of which the pixels tell nothing.
+    /// For a target that the pixels do not determine.
     const UNOBSERVABLE: Bound = Bound {
         sd_c: f64::INFINITY,
         sd_phi1: f64::INFINITY,
@@ -178,7 +183,7 @@ impl Bound {
         covariance_m2: [[f64::INFINITY, 0.0], [0.0, f64::INFINITY]],
     };
 
-    /// With so many times the noise.
+    /// The bound for `noise` times the noise.
     fn scaled(self, noise: f64) -> Self {
         Self {
             sd_c: noise * self.sd_c,
@@ -194,14 +199,14 @@ impl Bound {
     }
 }
 
-/// ∂(φ1, φ2) / ∂(x, y): each angle turns with the movement across its ray, divided by the range.
+/// ∂(φ1, φ2) / ∂(x, y): each angle changes by the movement across its ray, divided by the range.
 fn angles_by_place(doorway: &Doorway, [x, y]: Point) -> Matrix2<f64> {
     let (along1, along2) = (x + doorway.half_width(), doorway.half_width() - x);
     let (squared1, squared2) = (along1 * along1 + y * y, along2 * along2 + y * y);
     Matrix2::new(-y / squared1, along1 / squared1, y / squared2, along2 / squared2)
 }
 
-/// The place of the angles (φ1, φ2), radians; none where the rays do not meet in the hidden room.
+/// The place, in metres in the door frame, with the angles (φ1, φ2); none if the rays do not meet in the hidden room.
 pub fn place_of(doorway: &Doorway, angles: Biangular) -> Option<Point> {
     let inside = |a: f64| a > 0.0 && a < std::f64::consts::PI;
     let place = angles.to_point(doorway);

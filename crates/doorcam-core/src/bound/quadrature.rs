@@ -1,4 +1,4 @@
-//! Gauss-Legendre sums over rectangles, triangles and segments of the floor.
+//! Gauss-Legendre sums over squares, triangles and segments of the floor.
 
 use crate::geometry::Point;
 use crate::quadrature::gauss_legendre;
@@ -11,8 +11,8 @@ pub(super) struct Rule {
 }
 
 impl Rule {
-    /// A rule for a function that varies over `distance` like a power of the distance, on cells of side `cell`: its
-    /// relative error stays below 1e-6 down to a distance of half a cell.
+    /// A rule for cells of side `cell` and a function that varies like a power of the distance, at least `distance`
+    /// away. The relative error stays below 1e-6 down to a distance of half a cell.
     pub fn new(cell: f64, distance: f64) -> Self {
         let n = match cell / distance {
             ratio if ratio < 0.05 => 2,
@@ -32,14 +32,14 @@ impl Rule {
         self.nodes.iter().map(move |&(u, weight)| (from + u * (to - from), weight * (to - from)))
     }
 
-    /// Places and weights over the square of side `side` whose least corner is `from`.
+    /// Places and weights over the square of side `side` whose corner with the smallest coordinates is `from`.
     pub fn square(&self, from: Point, side: f64) -> impl Iterator<Item = (Point, f64)> {
         self.nodes.iter().flat_map(move |&(v, b)| {
             self.nodes.iter().map(move |&(u, a)| ([from[0] + u * side, from[1] + v * side], a * b * side * side))
         })
     }
 
-    /// Places and weights over a triangle: a square whose one side shrinks to the first corner.
+    /// Places and weights over a triangle, as a square with one side collapsed to the first corner.
     pub fn triangle(&self, [a, b, c]: [Point; 3]) -> impl Iterator<Item = (Point, f64)> {
         let twice_area = ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();
         self.nodes.iter().flat_map(move |&(u, w)| {
@@ -59,7 +59,7 @@ mod tests {
     fn polynomials_are_integrated_exactly() {
         let rule = Rule::with_nodes(4);
         let f = |[x, y]: Point| 1.0 + 2.0 * x * y + x * x * x - y * y;
-        // By hand over [1, 3] x [2, 4], and over half of it: below and above the diagonal from (1, 2) to (3, 4).
+        // By hand over [1, 3] x [2, 4], and over its halves below and above the diagonal from (1, 2) to (3, 4).
         let whole: f64 = rule.square([1.0, 2.0], 2.0).map(|(p, w)| w * f(p)).sum();
         assert!((whole - (4.0 + 2.0 * 4.0 * 6.0 + 2.0 * 20.0 - 2.0 * 56.0 / 3.0)).abs() < 1e-12);
         let corners = [[1.0, 2.0], [3.0, 2.0], [3.0, 4.0], [1.0, 4.0]];

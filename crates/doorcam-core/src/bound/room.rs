@@ -1,4 +1,4 @@
-//! The bound on the camera that there is: from its still picture and its noise, over the room.
+//! The bound for an actual camera over the room, from its still picture and its noise.
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, Vector3};
 use rayon::prelude::*;
@@ -12,41 +12,42 @@ use crate::light::Sensing;
 use crate::scene::Rgb;
 use crate::transport::{FloorView, PatchGrid};
 
-/// How well one frame of a camera can tell where somebody stands at all: their strength in each colour is unknown, and in each
-/// patch and colour the still picture (gain) and even light (the visible side's) may be present in any strength.
+/// How well a person can be located at best from one frame of a camera. The person's strength in each colour is
+/// unknown, and in each patch and colour the still picture (gain) and even light (from the visible side) may be present
+/// at any strength.
 #[derive(Debug, Clone)]
 pub struct RoomBound {
     aperture: Aperture,
     radius_m: f64,
-    /// What each patch's pixels see, two by two, with one over their noise.
+    /// Per patch, the view of each block of pixels and one over the block's noise.
     views: [Vec<(FloorView, f64)>; 2],
     /// Per colour and patch.
     patterns: [[Patterns; 2]; 3],
     usual: Rgb,
 }
 
-/// Where in a room somebody can be located, and how exactly.
+/// Where in a room a person can be located, and how exactly.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct UncertaintyMap {
-    /// Middles of the cells along x, in metres.
+    /// Centres of the cells along x, in metres in the door frame.
     pub x_m: Vec<f64>,
-    /// Middles of the cells along y, in metres.
+    /// Centres of the cells along y, in metres in the door frame.
     pub y_m: Vec<f64>,
-    /// Per y and x, the least root of the mean squared distance from the true place, in metres; none where the pixels do not
-    /// tell.
+    /// Per y and x, the smallest possible root mean square distance from the true place, in metres; none where the
+    /// pixels do not determine the place.
     pub error_m: Vec<Vec<Option<f64>>>,
 }
 
-/// Cells of a map are about so large, in metres.
+/// Approximate size of a map's cells, in metres.
 const CELL_M: f64 = 0.1;
-/// Cells along a side of a map at most.
+/// Largest number of cells along a side of a map.
 const MOST_CELLS: f64 = 40.0;
-/// Pixels along each side that are taken together: a person's penumbra is much wider.
+/// Side of the blocks into which pixels are merged; a person's penumbra is much wider.
 const BLOCK: usize = 2;
 
 impl RoomBound {
-    /// For a person of some radius. Needs the patches that `sensing` is of.
+    /// The bound for a person of this radius, in metres. `patch` must describe the patches that `sensing` is for.
     pub fn new(doorway: &Doorway, patch: &PatchGrid, radius_m: f64, sensing: &Sensing) -> Self {
         let aperture = Aperture::new(doorway, Strategy::Doorway);
         let blocks = [0, 1].map(|s| blocks(doorway, patch, Side::BOTH[s], sensing));
@@ -61,14 +62,14 @@ impl RoomBound {
         Self { aperture, radius_m, views, patterns, usual }
     }
 
-    /// The change of radiance that an ordinary person makes, as [`PersonSetup::USUAL`] has it: darker than a room from which
-    /// a part of the floor's light comes.
+    /// The change of radiance that an average person makes, by [`PersonSetup::USUAL`]: darker than a room that provides
+    /// part of the floor's light.
     pub fn usual_strength(&self) -> Rgb {
         self.usual
     }
 
-    /// The least covariance of the place, in m², of somebody whose axis stands at `place` and who changes the radiance by
-    /// `strength`; none where the pixels do not tell.
+    /// The smallest possible covariance, in m², of the place of a person whose axis is at `place` (metres in the door
+    /// frame) and who changes the radiance by `strength`; none where the pixels do not determine the place.
     pub fn covariance(&self, place: Point, strength: Rgb) -> Option<[[f64; 2]; 2]> {
         let gradients = self.views.each_ref().map(|views| {
             let gradient = |(view, weight): &(FloorView, f64)| {
@@ -86,7 +87,7 @@ impl RoomBound {
         rows.iter().flatten().all(|v| v.is_finite()).then_some(rows)
     }
 
-    /// The map of a room for somebody of the usual strength.
+    /// The map of a room for a person of the usual strength.
     pub fn map(&self, room: &Room) -> UncertaintyMap {
         let cells = |length: f64| (length / CELL_M).round().clamp(1.0, MOST_CELLS) as usize;
         let middles = |from: f64, length: f64| -> Vec<f64> {
@@ -104,11 +105,11 @@ impl RoomBound {
     }
 }
 
-/// Some pixels together.
+/// Several pixels merged.
 struct Block {
     point: Point,
     still: Rgb,
-    /// One over the noise of their sum, weighed by 1 / σ².
+    /// One over the noise of the block's mean, the pixels weighted by 1 / σ².
     weight: f64,
 }
 
@@ -119,7 +120,7 @@ fn blocks(doorway: &Doorway, patch: &PatchGrid, side: Side, sensing: &Sensing) -
     };
     let still = sensing.still.side(side);
     let along = patch.size.div_ceil(BLOCK);
-    // Sums of 1 / σ², and of places and levels times that.
+    // Sums of 1 / σ², and of positions and levels times that.
     let mut sums = vec![[0.0; 6]; along * along];
     for (k, point) in patch.points(doorway, side).into_iter().enumerate() {
         let share = weights[k] * weights[k];
@@ -146,7 +147,7 @@ fn usual_strength(aperture: &Aperture, views: &[Vec<(FloorView, f64)>; 2], block
     })
 }
 
-/// Information on the place beside a strength that is unknown: the Schur complement.
+/// Information on the place when the strength is unknown: the Schur complement.
 fn beside_strength(all: &Matrix3<f64>) -> Matrix2<f64> {
     let place = all.fixed_view::<2, 2>(1, 1);
     if all[(0, 0)] <= 0.0 {
@@ -163,7 +164,7 @@ mod tests {
     use crate::light::PatchPair;
     use crate::transport::PixelLayout;
 
-    /// A still picture as [`PersonSetup`] has it, each colour at its own level, with that noise.
+    /// The still picture and noise of a [`PersonSetup`], each colour at its own level.
     fn sensing(setup: &PersonSetup, levels: Rgb, patch: &PatchGrid) -> Sensing {
         let aperture = Aperture::new(&setup.measured.doorway, Strategy::Doorway);
         let mut still = PatchPair::zeros(patch.size);
@@ -213,7 +214,7 @@ mod tests {
         let at = |row: usize, column: usize| map.error_m[row][column].unwrap();
         assert!(at(10, 15) < at(20, 15) && at(20, 15) < at(29, 15), "farther away is less exact");
         assert!((at(12, 3) / at(12, 26) - 1.0).abs() < 1e-3, "the room is symmetric");
-        // Beside the door, close to the wall, a thick wall hides from both patches.
+        // Close to the wall beside the door, a thick wall hides a person from both patches.
         assert!(map.error_m[0][0].is_none_or(|error| error > 1.0), "{:?}", map.error_m[0][0]);
         // Pixels that do not count say nothing.
         let blind = Sensing { weights: seen.weights.map(|w| vec![0.0; w.len()]), ..seen };

@@ -1,4 +1,4 @@
-//! The bound against other ways to the same numbers: integrals in polar coordinates, and estimates that are made.
+//! Compares the bound with independent methods: integrals in polar coordinates, and simulated estimates.
 
 use std::f64::consts::PI;
 
@@ -23,11 +23,12 @@ fn place(setup: &Setup, alpha1: f64, alpha2: f64) -> Point {
     place_of(&setup.doorway, degrees(alpha1, alpha2)).unwrap()
 }
 
-/// Eq. 9 for one pixel in polar coordinates around the edge, `angles` the target's at this edge and at the other one: along
-/// a ray in closed form, over θ by Gauss between the pixel's corners and the step.
+/// Eq. 9 for one pixel in polar coordinates around the edge; `angles` are the target's at this edge and at the other
+/// one. Integrated along a ray in closed form, and over θ by Gauss quadrature between the pixel's corners and the
+/// shadow's edge.
 fn polar(width_m: f64, [phi, other]: [f64; 2], edge: bool, [x, y]: [[f64; 2]; 2], rule: &Rule) -> f64 {
     let rho = width_m * other.sin() / (PI - phi - other).sin();
-    // A pixel's corners as angles from the wall, which lies towards -x of the edge; the floor is at y < 0.
+    // The pixel's corners as angles from the wall, which extends from the edge towards -x; the floor is at y < 0.
     let mut breaks: Vec<f64> = x.iter().flat_map(|&x| y.map(|y| (-y).max(0.0).atan2(-x))).collect();
     if edge {
         breaks.iter_mut().for_each(|theta| *theta = theta.max(phi));
@@ -45,7 +46,7 @@ fn polar(width_m: f64, [phi, other]: [f64; 2], edge: bool, [x, y]: [[f64; 2]; 2]
             return 0.0;
         }
         let q = |r: f64| r * r + 2.0 * b * r + rho * rho;
-        // atan((r2 + b) / k) − atan((r1 + b) / k), b / k times it; the ray may point at the target, where k is 0.
+        // `turn` is (atan((r2 + b) / k) − atan((r1 + b) / k)) / k; k is 0 if the ray points at the target.
         let slope = (r2 - r1) / (k * k + (r1 + b) * (r2 + b));
         let turn = if k * slope > 1e-9 { (k * slope).atan() / k } else { slope };
         0.5 * (q(r2) / q(r1)).ln() - b * turn
@@ -53,7 +54,7 @@ fn polar(width_m: f64, [phi, other]: [f64; 2], edge: bool, [x, y]: [[f64; 2]; 2]
     breaks.windows(2).flat_map(|pair| rule.segment(pair[0], pair[1])).map(|(theta, w)| w * along(theta)).sum()
 }
 
-/// The bound by [`polar`], with derivatives by differences of its exact values, in the paper's own parameters.
+/// The bound from [`polar`] in the paper's own parameters, with derivatives by differences of its exact values.
 fn by_polar(setup: &Setup, strategy: Strategy, angles: [f64; 2]) -> [f64; 3] {
     const STEP: f64 = 1e-6;
     let (n, rule, cell) = (setup.pixels, Rule::with_nodes(6), setup.patch_m / setup.pixels as f64);
@@ -61,7 +62,7 @@ fn by_polar(setup: &Setup, strategy: Strategy, angles: [f64; 2]) -> [f64; 3] {
         let (row, column) = ((k / n) as f64, (k % n) as f64);
         let x = [column, column + 1.0].map(|c| c * cell - setup.patch_m / 2.0);
         let y = [-(row + 1.0) * cell, -row * cell];
-        // The right patch in the mirror: which pixel is which does not matter to a sum over all.
+        // The right patch mirrored: the order of pixels does not matter to their sum.
         let seen = if side == Side::Left { [phi1, phi2] } else { [phi2, phi1] };
         polar(setup.doorway.width_m, seen, strategy.has_edge(), [x, y], &rule)
     };
@@ -110,7 +111,7 @@ fn coarse_pixels_and_near_targets_are_integrated_too() {
     }
 }
 
-/// A maximum-likelihood estimate attains the bound when the signal is high: the most direct check of what it claims.
+/// With a strong signal, a maximum-likelihood estimate attains the bound: the most direct check of the bound.
 #[test]
 fn a_maximum_likelihood_estimate_attains_the_bound() {
     const TRIALS: usize = 600;
@@ -135,7 +136,7 @@ fn a_maximum_likelihood_estimate_attains_the_bound() {
     }
 }
 
-/// Least squares by Fisher scoring from a start nearby, until nothing moves: the step is a solution's own test.
+/// Least squares by Fisher scoring from a start nearby, until the step is negligible.
 fn maximum_likelihood(setup: &Setup, measured: &[Vec<f64>], start: [f64; 3]) -> [f64; 3] {
     let mut at = Vector3::from(start);
     for _ in 0..30 {
@@ -177,20 +178,22 @@ fn the_order_of_figure_5_holds_at_every_plotted_point() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(crate::testing::cases(24))]
 
     #[test]
     fn errors_grow_with_the_noise(x in -1.5..1.5f64, y in 0.1..3.0f64, factor in 0.01..100.0f64) {
         let quiet = Setup { pixels: 12, ..Setup::PUBLISHED };
         let noisy = Setup { noise: factor * quiet.noise, ..quiet };
         for (a, b) in quiet.bounds([x, y]).into_iter().zip(noisy.bounds([x, y])) {
-            for (a, b) in [(a.sd_c, b.sd_c), (a.sd_phi1, b.sd_phi1), (a.sd_phi2, b.sd_phi2), (a.error_m(), b.error_m())] {
+            for (a, b) in
+                [(a.sd_c, b.sd_c), (a.sd_phi1, b.sd_phi1), (a.sd_phi2, b.sd_phi2), (a.error_m(), b.error_m())]
+            {
                 prop_assert!((b / (factor * a) - 1.0).abs() < 1e-9, "{a} {b}");
             }
         }
     }
 
-    /// What is mirrored has its angles exchanged.
+    /// Mirroring exchanges the two angles.
     #[test]
     fn the_mirror_image_of_a_room_is_as_uncertain(x in -1.5..1.5f64, y in 0.1..3.0f64, thickness in 0.0..0.2f64) {
         let doorway = Doorway { wall_thickness_m: thickness, ..Setup::PUBLISHED.doorway };
@@ -211,10 +214,12 @@ proptest! {
         }
     }
 
-    /// A doorway of twice the size, with patches and room, shows the same angles. Light falls with the square of the distance
-    /// and a pixel grows with it.
+    /// If doorway, patches and room are scaled together, the angles stay the same: light falls with the square of the
+    /// distance, and a pixel's area grows with it.
     #[test]
-    fn size_does_not_matter_to_angles(x in -0.4..1.0f64, y in 0.4..3.0f64, size in 0.2..5.0f64, thickness in 0.0..0.2f64) {
+    fn size_does_not_matter_to_angles(
+        x in -0.4..1.0f64, y in 0.4..3.0f64, size in 0.2..5.0f64, thickness in 0.0..0.2f64,
+    ) {
         let doorway = Doorway { wall_thickness_m: thickness, ..Setup::PUBLISHED.doorway };
         let setup = Setup { doorway, pixels: 9, ..Setup::PUBLISHED };
         let large = Setup {
@@ -228,7 +233,7 @@ proptest! {
         }
     }
 
-    /// In metres and in angles it is the same uncertainty.
+    /// The uncertainty in metres and the one in angles agree.
     #[test]
     fn angles_follow_from_metres(x in -1.5..1.5f64, y in 0.1..3.0f64) {
         let setup = Setup { pixels: 9, ..Setup::PUBLISHED };
@@ -236,15 +241,16 @@ proptest! {
         let covariance = Matrix2::from_fn(|i, j| bound.covariance_m2[i][j]);
         let sd = |alpha: fn(Biangular) -> f64| {
             let at = |dx, dy| alpha(Biangular::from_point(&setup.doorway, [x + dx, y + dy]));
-            let gradient = nalgebra::Vector2::new(at(1e-6, 0.0) - at(-1e-6, 0.0), at(0.0, 1e-6) - at(0.0, -1e-6)) / 2e-6;
+            let gradient =
+                nalgebra::Vector2::new(at(1e-6, 0.0) - at(-1e-6, 0.0), at(0.0, 1e-6) - at(0.0, -1e-6)) / 2e-6;
             (gradient.transpose() * covariance * gradient)[(0, 0)].sqrt()
         };
         prop_assert!((sd(|a| a.alpha1) / bound.sd_phi1 - 1.0).abs() < 1e-6);
         prop_assert!((sd(|a| a.alpha2) / bound.sd_phi2 - 1.0).abs() < 1e-6);
     }
 
-    /// Each pixel against single rays through both faces of a thick wall, and its derivatives against differences of its own
-    /// exact values.
+    /// Compares each pixel with single rays through both faces of a thick wall, and its derivatives with differences of
+    /// its own exact values.
     #[test]
     fn a_thick_wall_cuts_with_the_face_that_is_in_the_way(
         x in -1.2..1.2f64, y in 0.3..2.0f64, thickness in 0.0..0.25f64, pixels in 1..5usize,
@@ -267,7 +273,7 @@ proptest! {
             }
             let whole = cell * cell / (y + thickness).powi(2);
             prop_assert!((pixel.light - sum).abs() < 0.01 * whole, "{} {sum}", pixel.light);
-            // At the corner where the cutting face changes there is no derivative.
+            // There is no derivative where the face that blocks the light changes.
             prop_assume!((x + 0.4).abs() > 1e-3);
             for axis in 0..2 {
                 let at = |step: f64| {

@@ -1,4 +1,4 @@
-//! What the error of marked floor points does to the measurement.
+//! How errors in the marked floor points propagate to the measurement.
 
 use nalgebra::Vector2;
 
@@ -7,22 +7,22 @@ use crate::geometry::{Doorway, Side};
 use crate::transport::edge_foot_mask;
 use crate::transport::{PatchGrid, PixelLayout};
 
-/// Errors to expect (root of the mean square) from the error with which floor points were marked.
+/// RMS errors to expect on the patches, propagated from the error with which the floor points were marked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Accuracy {
-    /// Of where on the floor the patches' pixels are, in metres.
+    /// Error of the patch pixels' positions on the floor, in metres.
     pub floor_m: f64,
-    /// Of the angle at which they are seen from their edge's foot on the wall's visible face, in radians, over the pixels
-    /// that are not at the foot itself.
+    /// Error of the patch pixels' angles around the foot of their edge on the wall's visible face, in radians. Pixels
+    /// next to the foot are left out.
     pub angle_rad: f64,
 }
 
-/// Positions along a patch's side at which the errors, which are smooth, are taken.
+/// Positions sampled along each side of a patch; few are enough because the errors are smooth.
 const SAMPLES: usize = 16;
 
 impl Accuracy {
-    /// What is to be expected of `fit` if points are marked with an error of `noise_px` pixels per coordinate. None if the
-    /// camera does not have the patches in front of it.
+    /// Errors of `fit` for points marked with a standard deviation of `noise_px` pixels per coordinate. None if part of
+    /// a patch is behind the camera.
     pub fn of(fit: &FloorFit, doorway: &Doorway, patch: &PatchGrid, noise_px: f64) -> Option<Self> {
         let samples = samples(patch);
         let counted = edge_foot_mask(&samples);
@@ -92,7 +92,7 @@ mod tests {
             StandardNormal.sample(&mut self.0)
         }
 
-        /// A webcam somewhere in front of the door, that looks at it.
+        /// A webcam somewhere in front of the door, aimed at it.
         fn camera(&mut self) -> Pinhole {
             let at = [self.within(-0.8, 0.8), self.within(-2.5, -0.9), self.within(0.9, 2.3)];
             let aim = [self.within(-0.15, 0.15), self.within(-0.5, -0.15)];
@@ -108,7 +108,7 @@ mod tests {
             }
         }
 
-        /// Six points as people find them: the feet of both edges, and four about the patches.
+        /// Six points as people choose them: the feet of both edges and four around the patches.
         fn floor(&mut self) -> [Point; 6] {
             let (half, wall) = (DOORWAY.half_width(), -DOORWAY.wall_thickness_m);
             let mut about = |x: f64, y: f64| [x + self.within(-0.1, 0.1), y + self.within(-0.1, 0.1)];
@@ -131,8 +131,8 @@ mod tests {
         }
     }
 
-    /// The errors that the fit really makes: each patch pixel is read where the camera is believed to see it; that pixel
-    /// shows another piece of floor.
+    /// The fit's actual errors: each patch pixel is read where the fitted camera sees it, but the real camera shows a
+    /// different piece of floor there.
     fn truth(fit: &FloorFit, camera: &Pinhole) -> Accuracy {
         let corners = [[-1.0, 0.0], [1.0, 0.0], [1.0, -1.0], [-1.0, -1.0]];
         let exact = corners.map(|floor_m| FloorPoint { pixel: camera.see(floor_m).unwrap(), floor_m });
@@ -182,7 +182,7 @@ mod tests {
             noise.push(noise_px);
             floor_mm.push(real.floor_m * 1e3);
             angle_deg.push(real.angle_rad.to_degrees());
-            // With the pixel error known, the mean square is right, not only the median.
+            // When the pixel error is known, the mean square must be right too, not only the median.
             let known = NOISE_PX / noise_px;
             scaled_floor.add((real.floor_m / (told.floor_m * known)).powi(2));
             scaled_angle.add((real.angle_rad / (told.angle_rad * known)).powi(2));
@@ -207,7 +207,7 @@ mod tests {
         let mut dice = Dice(ChaCha8Rng::seed_from_u64(8));
         for _ in 0..1000 {
             let camera = dice.camera();
-            // All on a line across the door, but for some millimetres; all but one on it; and pairs of the same points.
+            // All within millimetres of a line across the door; all but one on that line; and duplicated points.
             let slope = dice.within(-0.3, 0.3);
             let line: [Point; 6] = std::array::from_fn(|_| {
                 let x = dice.within(-0.6, 0.6);
@@ -238,7 +238,7 @@ mod tests {
         for round in 0..1000 {
             let (camera, floor) = (dice.camera(), dice.floor());
             let mut points = dice.marked(&camera, &floor, NOISE_PX);
-            // A decimetre too many in one coordinate.
+            // One coordinate is off by a decimetre.
             let wrong = round % 6;
             points[wrong].floor_m[round % 2] += 0.1;
             let verdict = match FloorFit::new(&points, None) {

@@ -1,4 +1,4 @@
-//! What a page needs while someone calibrates: everything that is wrong, and what the camera would be.
+//! Feedback for the web page during calibration: everything that is wrong, and the resulting camera.
 
 use serde::Serialize;
 
@@ -7,74 +7,75 @@ use crate::calibration::{ASSUMED_NOISE_PX, Accuracy, Calibration, FloorFit, Over
 use crate::geometry::{Doorway, Point, Side};
 use crate::transport::PatchGrid;
 
-/// What is to be said about a [`Calibration`], finished or not. As much of it is there as can be.
+/// Assessment of a [`Calibration`], finished or not. It is filled in as far as the calibration allows.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Check {
-    /// Whether it can be used.
+    /// Whether the calibration can be used.
     pub ok: bool,
-    /// Why not: sentences that name the key at fault.
+    /// Why it cannot be used: messages that name the key at fault.
     pub errors: Vec<String>,
-    /// How far off each floor point is; empty without a camera that fits.
+    /// Residual of each floor point; empty if no camera fits.
     pub points: Vec<PointResidual>,
-    /// The points' errors and what they do; none without a camera that fits.
+    /// Errors of the points and their effect on the patches; none if no camera fits.
     #[cfg_attr(feature = "schema", schema(required))]
     pub error: Option<PointErrors>,
-    /// The floor's lines in the image; all of them empty without a camera that fits.
+    /// Floor lines in the image; empty if no camera fits.
     pub overlay: Overlay,
-    /// What the image shows of the patches.
-    pub seen: Seen,
+    /// How much of each patch the image shows.
+    pub seen: PatchCoverage,
 }
 
-/// How far off a floor point is.
+/// Residual of one floor point.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct PointResidual {
-    /// Where it is marked minus where the camera sees it: (u, v), in pixels.
+    /// Marked pixel minus the pixel where the fitted camera sees the point: (u, v), in pixels.
     #[cfg_attr(feature = "schema", schema(value_type = crate::schema::Pair))]
     pub residual_px: Point,
-    /// Where on the floor the camera sees the marked pixel minus where the point is: (x, y), in millimetres; none if the
-    /// marked pixel is not on the floor at all.
+    /// Floor position of the marked pixel minus the point's stated position: (x, y), in millimetres. None if the marked
+    /// pixel does not show the floor.
     #[cfg_attr(feature = "schema", schema(value_type = Option<crate::schema::Pair>, required))]
     pub residual_mm: Option<Point>,
 }
 
-/// The floor points' errors and what they do.
+/// Errors of the floor points and their effect on the patches.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct PointErrors {
-    /// Root of the mean square of the points' distances in the image, in pixels.
+    /// RMS distance between marked and fitted points in the image, in pixels.
     pub rms_px: f64,
-    /// The same on the floor, in millimetres, over the points marked on it.
+    /// The same on the floor, in millimetres, over the points whose marked pixel shows the floor.
     pub rms_mm: f64,
-    /// Standard deviation, per coordinate, with which points seem to be marked, in pixels: their residuals over the 2n − 8
-    /// of them that the camera does not explain away. None with four points; then [`ASSUMED_NOISE_PX`] is taken instead.
+    /// Estimated standard deviation of the marked points, per coordinate, in pixels: from the residuals, with 2n − 8
+    /// degrees of freedom. None with four points; [`ASSUMED_NOISE_PX`] is used then.
     #[cfg_attr(feature = "schema", schema(required))]
     pub noise_px: Option<f64>,
-    /// Root of the mean square error to expect of where the patches' pixels are on the floor, in millimetres.
+    /// Expected RMS error of the patch pixels' positions on the floor, in millimetres.
     #[cfg_attr(feature = "schema", schema(required))]
     pub floor_mm: Option<f64>,
-    /// The same for the angles around the edges at which they are seen, in degrees, but for the pixels at the edges' feet.
+    /// Expected RMS error of the patch pixels' angles around their edge, in degrees. Pixels next to the edge's foot are
+    /// left out.
     #[cfg_attr(feature = "schema", schema(required))]
     pub angle_deg: Option<f64>,
 }
 
-/// Share of each patch, 0 to 1, that the image shows.
+/// Fraction of each patch, 0 to 1, that the image shows.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-pub struct Seen {
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = Seen))]
+pub struct PatchCoverage {
     /// The patch at the left edge.
     pub left: f64,
     /// The patch at the right edge.
     pub right: f64,
 }
 
-/// The share of a patch that a camera has to show.
+/// Smallest fraction of a patch that the camera must show.
 const LEAST_SEEN: f64 = 0.5;
 
 impl Calibration {
-    /// Says what is wrong with it and what would follow from it, for these patches. It can be used for them if and only if
-    /// the answer is `ok`.
+    /// Checks the calibration for these patches: reports everything that is wrong, and the errors to expect. The
+    /// calibration can be used for them if and only if the result is `ok`.
     pub fn check(&self, patch: &PatchGrid) -> Check {
         let mut check = Check::default();
         let doorway = self.doorway.validate();
@@ -110,7 +111,7 @@ impl Check {
             let seen = seen_whole(&calibration.doorway, patch, side, fit.camera(), (width, height));
             seen.iter().filter(|&&s| s).count() as f64 / patch.pixels().max(1) as f64
         };
-        self.seen = Seen { left: share(Side::Left), right: share(Side::Right) };
+        self.seen = PatchCoverage { left: share(Side::Left), right: share(Side::Right) };
         for (name, share) in [("left", self.seen.left), ("right", self.seen.right)] {
             if share < LEAST_SEEN {
                 self.errors.push(format!(
@@ -192,7 +193,7 @@ mod tests {
         assert!((0.1..0.8).contains(&noise) && (0.3..6.0).contains(&error.floor_mm.unwrap()), "{error:?}");
         assert!((0.05..3.0).contains(&error.angle_deg.unwrap()), "{error:?}");
         assert_eq!(check.points.len(), 6);
-        assert_eq!(check.seen, Seen { left: 1.0, right: 1.0 });
+        assert_eq!(check.seen, PatchCoverage { left: 1.0, right: 1.0 });
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The camera from marked floor points, and how well they fix it.
+//! Fits the camera to marked floor points and estimates how well they determine it.
 
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
@@ -7,8 +7,8 @@ use crate::calibration::{Camera, Homography, HomographyError, LensMap};
 use crate::geometry::Point;
 use crate::optics::FloorPoint;
 
-/// The camera that puts floor points closest, in pixels, to where they were marked: least squares over the distances in the
-/// image as the camera delivers it, its lens's distortion included, since that is where points are marked.
+/// The least-squares camera for a set of marked floor points. Distances are measured in pixels of the image as the
+/// camera delivers it, lens distortion included, because that is the image in which points are marked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FloorFit {
     points: Vec<FloorPoint>,
@@ -21,45 +21,51 @@ pub struct FloorFit {
 
 type Matrix9 = SMatrix<f64, 9, 9>;
 type Vector9 = SVector<f64, 9>;
-/// Derivatives of a position by the parameters.
+/// Derivatives of a position with respect to the parameters.
 type Jacobian = SMatrix<f64, 2, 9>;
 
-/// The pixel error that people who mark points are taken to make where nothing tells: with four points.
+/// Assumed pixel error of marked points where it cannot be estimated, that is with four points.
 pub const ASSUMED_NOISE_PX: f64 = 1.0;
 
-/// Better than this nobody marks points: residuals that happen to be smaller do not make a weak set of points strong. And
-/// larger ones than this are no matter of where the points are.
+/// Limits of the pixel error used to judge a set of points. Nobody marks points better than the lower one, so residuals
+/// that happen to be smaller do not make a weak set strong. Residuals above the upper one are not caused by where the
+/// points lie.
 const LEAST_NOISE_PX: f64 = 0.5;
 const MOST_NOISE_PX: f64 = 2.0;
 
-/// Relative error of the map's weakest direction at which a set of points counts as degenerate: from here on the map's
-/// error is no small one, and what is derived from it by linearisation means nothing.
+/// Relative error of the map's weakest direction from which a set of points counts as degenerate. The error is then no
+/// longer small, and results of linearisation are meaningless.
 const DEGENERATE: f64 = 0.1;
 
-/// How far, in pixel errors, the three corners of a triangle have to be from one line so as not to pass for one: noise
-/// alone makes a triangle of a line, and the fit, which cannot know, takes it at its word.
+/// Smallest altitude, in pixel errors, of a triangle of points that does not count as a line. Noise alone turns a line
+/// into a thin triangle, and the fit cannot tell the difference.
 const CLEAR_OF_LINE: f64 = 6.0;
 
-/// The pixel error that marked points may have in an image of up to [`LIMIT_WIDTH`] pixels across; more in larger ones.
+/// Largest acceptable pixel error in an image up to [`LIMIT_WIDTH`] pixels wide; it grows with the width beyond that.
 const LIMIT_PX: f64 = 5.0;
 const LIMIT_WIDTH: f64 = 1280.0;
 
-/// What is believed of the pixel error before any residual is seen, and how many residuals that belief is worth.
+/// Prior pixel error, and the number of residuals that the prior is worth.
 const PRIOR_NOISE_PX: f64 = 1.5;
 const PRIOR_RESIDUALS: f64 = 6.0;
 
-/// How often a good point may pass for one that contradicts the others.
+/// Probability that a good point is taken for one that contradicts the others.
 const FALSE_ALARM: f64 = 1e-3;
 
 impl FloorFit {
-    /// Fits the points, whose pixels are those of a camera with this lens. Refuses sets that do not fix a camera; whether
-    /// the points agree with each other is another question ([`Self::contradiction`]).
+    /// Fits a camera with this lens to the points. It does not check whether the points agree with each other; see
+    /// [`Self::contradiction`].
+    ///
+    /// # Errors
+    ///
+    /// If there are too few or too many points, if a point is not finite or lies outside the lens's image circle, or if
+    /// the points do not determine a camera that has them all in front of it and sees the floor from above.
     pub fn new(points: &[FloorPoint], lens: Option<&LensMap>) -> Result<Self, HomographyError> {
         let fit = Self::unjudged(points, lens)?;
         if fit.camera.homography().mirrored() {
             return Err(HomographyError::Mirrored);
         }
-        // The information of the weakest direction is the inverse of the largest variance.
+        // The weakest direction is the one with the largest variance.
         let variance = fit.covariance.symmetric_eigenvalues().max();
         let noise = fit.noise_px().unwrap_or(ASSUMED_NOISE_PX).clamp(LEAST_NOISE_PX, MOST_NOISE_PX);
         let pixels: Vec<Point> = points.iter().map(|p| p.pixel).collect();
@@ -98,13 +104,13 @@ impl FloorFit {
         &self.camera
     }
 
-    /// Per point: where it is marked minus where the camera sees it, in pixels.
+    /// Per point: marked pixel minus the pixel where the camera sees the point.
     pub fn residuals_px(&self) -> &[Point] {
         &self.residuals_px
     }
 
-    /// Per point: where on the floor the camera sees the marked pixel minus where the point is, in metres; none if the
-    /// marked pixel is above the camera's horizon.
+    /// Per point: floor position of the marked pixel minus the point's position, in metres (door frame); `None` if the
+    /// marked pixel is above the horizon.
     pub fn residuals_m(&self) -> Vec<Option<Point>> {
         let off = |p: &FloorPoint| {
             let floor = self.camera.floor(p.pixel)?;
@@ -113,8 +119,8 @@ impl FloorFit {
         self.points.iter().map(off).collect()
     }
 
-    /// The pixel error (standard deviation per coordinate) of marked points, from the residuals: 2n numbers from which 8
-    /// were fitted. None with four points, which every camera fits.
+    /// Estimated standard deviation of the marked points, per coordinate, in pixels: from 2n residuals with 8 fitted
+    /// parameters. `None` with four points, which are always fitted exactly.
     pub fn noise_px(&self) -> Option<f64> {
         let freedom = self.freedom();
         (freedom > 0.0).then(|| (self.cost() / freedom).sqrt())
@@ -128,8 +134,8 @@ impl FloorFit {
         self.residuals_px.iter().map(|r| r[0] * r[0] + r[1] * r[1]).sum()
     }
 
-    /// How the error of the believed place of the floor at `floor` comes about: its covariance, in m², for a pixel error
-    /// of 1. The place is that of what is seen where the camera is believed to see `floor`.
+    /// Covariance, in m² for a pixel error of 1, of the floor position that is really seen at the pixel where the
+    /// fitted camera sees `floor`. `None` if `floor` is behind the camera.
     pub fn covariance_m2(&self, floor: Point) -> Option<Matrix2<f64>> {
         let seen = self.parameters.position(floor)?;
         let to_floor = seen.by_floor.try_inverse()?;
@@ -137,21 +143,20 @@ impl FloorFit {
         Some(by_parameters * self.covariance * by_parameters.transpose())
     }
 
-    /// The covariance of where the camera is believed to see `floor`, in square pixels of the ideal image, for a pixel
-    /// error of 1.
+    /// Covariance of the fitted image position of `floor`, in square pixels of the ideal image, for a pixel error of 1.
     fn covariance_px2(&self, floor: Point) -> Option<Matrix2<f64>> {
         let to_px = self.parameters.to_px * self.parameters.position(floor)?.by_parameters;
         Some(to_px * self.covariance * to_px.transpose())
     }
 
-    /// Why the points cannot all be right, if so, for images `width` pixels across: one that contradicts the others, or
-    /// residuals that are no error of marking.
+    /// Why the points cannot all be right, in images `width` pixels wide: one of them contradicts the others, or the
+    /// residuals are too large to be marking errors. `None` if the points agree.
     pub fn contradiction(&self, width: usize) -> Option<HomographyError> {
         let limit_px = LIMIT_PX * (width as f64 / LIMIT_WIDTH).max(1.0);
         let noise_px = self.noise_px()?;
         let hopeless = noise_px > limit_px;
         if let Some(suspect) = Suspect::find(&self.points, self.camera.lens()) {
-            // What is left without it must be fine, or nothing is known of it.
+            // The others must agree, or they say nothing about the suspect.
             let explains = suspect.others_noise_px <= limit_px;
             if explains && (hopeless || suspect.surprise > surprising(suspect.freedom)) {
                 return Some(HomographyError::Outlier { point: suspect.index + 1, miss_px: suspect.miss_px });
@@ -167,7 +172,7 @@ impl FloorFit {
         })
     }
 
-    /// The point that keeps the others from fitting any camera at all, if there is one.
+    /// The point without which the others fit a camera, if there is one. For sets that [`Self::new`] refuses.
     pub fn culprit(points: &[FloorPoint], lens: Option<&LensMap>) -> Option<HomographyError> {
         let suspect = Suspect::find(points, lens).filter(|s| s.others_noise_px <= LIMIT_PX)?;
         Some(HomographyError::Outlier { point: suspect.index + 1, miss_px: suspect.miss_px })
@@ -177,17 +182,17 @@ impl FloorFit {
 /// The point without which the others agree best.
 struct Suspect {
     index: usize,
-    /// The others' pixel error, from their residuals.
+    /// Pixel error of the others, from their residuals.
     others_noise_px: f64,
-    /// From where it is marked to where the others put it; infinite if that is behind the camera.
+    /// Distance from the marked pixel to where the others' camera sees the point; infinite if it is behind that camera.
     miss_px: f64,
-    /// The same, squared and relative to what the others leave open: twice a variable of Fisher's F(2, freedom).
+    /// Squared miss relative to its predicted covariance (Mahalanobis): twice a variable of Fisher's F(2, freedom).
     surprise: f64,
     freedom: f64,
 }
 
 impl Suspect {
-    /// None with fewer than six points: without one of five, four always agree.
+    /// `None` with fewer than six points: four of five always agree exactly.
     fn find(points: &[FloorPoint], lens: Option<&LensMap>) -> Option<Self> {
         let without = |index: usize| {
             let others: Vec<_> = points.iter().enumerate().filter(|&(k, _)| k != index).map(|(_, p)| *p).collect();
@@ -211,22 +216,23 @@ impl Suspect {
     }
 }
 
-/// What twice a variable of F(2, freedom) exceeds in [`FALSE_ALARM`] of all cases.
+/// The value that twice a variable of F(2, freedom) exceeds with probability [`FALSE_ALARM`].
 fn surprising(freedom: f64) -> f64 {
     freedom * (FALSE_ALARM.powf(-2.0 / freedom) - 1.0)
 }
 
-/// A homography between floor and pixels that are both moved and scaled to about 1, as nine numbers of norm 1.
+/// A homography between floor and pixel coordinates that are both centred and scaled to about 1, as nine numbers of
+/// norm 1.
 #[derive(Debug, Clone, PartialEq)]
 struct Parameters {
     h: Vector9,
     from_floor: Matrix3<f64>,
     from_pixel: Matrix3<f64>,
-    /// Pixels a unit of the scaled image.
+    /// Pixels per unit of the scaled image.
     to_px: f64,
 }
 
-/// Where a floor position is in the scaled image, and how that changes.
+/// Position of a floor point in the scaled image, with its derivatives.
 struct Position {
     at: Vector2<f64>,
     by_parameters: Jacobian,
@@ -239,7 +245,7 @@ impl Parameters {
         let from_pixel = normaliser(pairs.iter().map(|p| p.1)).ok_or(HomographyError::Degenerate)?;
         let to_floor = from_floor.try_inverse().ok_or(HomographyError::Degenerate)?;
         let matrix = from_pixel * homography.matrix() * to_floor;
-        // The sign that gives what is in front of the camera a positive depth.
+        // Choose the sign that makes depth positive in front of the camera.
         let [x, y] = pairs[0].0;
         let sign = (homography.matrix() * Vector3::new(x, y, 1.0))[2].signum();
         let h = Vector9::from_fn(|k, _| sign * matrix[(k / 3, k % 3)]).normalize();
@@ -255,7 +261,7 @@ impl Parameters {
         Homography::from_matrix(to_pixel * self.matrix() * self.from_floor, seen.iter().map(|p| p.floor_m))
     }
 
-    /// None behind the camera.
+    /// `None` behind the camera.
     fn position(&self, floor: Point) -> Option<Position> {
         let matrix = self.matrix();
         let f = self.from_floor * Vector3::new(floor[0], floor[1], 1.0);
@@ -274,7 +280,7 @@ impl Parameters {
         Some(Position { at, by_parameters, by_floor })
     }
 
-    /// Where a floor position is seen, in pixels, and the derivatives of that; none where it is not seen.
+    /// Image position of a floor point, in pixels, and its derivatives; `None` if it is not seen.
     fn seen(&self, floor: Point, lens: Option<&LensMap>) -> Option<(Point, Jacobian)> {
         let position = self.position(floor)?;
         let offset = [self.from_pixel[(0, 2)], self.from_pixel[(1, 2)]];
@@ -289,7 +295,7 @@ impl Parameters {
         }
     }
 
-    /// Sum of squares, gradient and normal matrix; none if a point is not seen.
+    /// Sum of squares, gradient and normal matrix; `None` if a point is not seen.
     fn normal(&self, points: &[FloorPoint], lens: Option<&LensMap>) -> Option<(f64, Vector9, Matrix9)> {
         let (mut cost, mut gradient, mut normal) = (0.0, Vector9::zeros(), Matrix9::zeros());
         for point in points {
@@ -299,17 +305,17 @@ impl Parameters {
             gradient += jacobian.transpose() * r;
             normal += jacobian.transpose() * jacobian;
         }
-        // The scale of h changes nothing: without this the matrix would have no inverse, with it steps keep the scale and
-        // the inverse is that of the other eight directions.
+        // The scale of h has no effect, so the matrix would be singular. This term fixes the scale and leaves the
+        // inverse in the other eight directions unchanged.
         normal += self.h * self.h.transpose() * (normal.trace() / 8.0);
         Some((cost, gradient, normal))
     }
 }
 
-/// More points than this are thinned out for the search for four good ones.
+/// Larger sets are thinned out to this many points for the search for four good ones.
 const SEARCHED: usize = 16;
 
-/// Whether there are four points of which no three are closer to a line than `least`.
+/// Whether there are four points of which every three form a triangle with altitudes of at least `least`.
 fn general_position(points: &[Point], least: f64) -> bool {
     let step = points.len().div_ceil(SEARCHED).max(1);
     let p: Vec<Point> = points.iter().copied().step_by(step).collect();
@@ -332,7 +338,7 @@ fn altitude(corners: [Point; 3]) -> f64 {
     if longest > 0.0 { (u[0] * v[1] - u[1] * v[0]).abs() / longest } else { 0.0 }
 }
 
-/// Levenberg-Marquardt on the distances in the image; the parameters and the inverse of the normal matrix there.
+/// Levenberg-Marquardt on the distances in the image. Returns the best parameters and their inverse normal matrix.
 fn refine(start: Parameters, points: &[FloorPoint], lens: Option<&LensMap>) -> Option<(Parameters, Matrix9)> {
     let mut best = start;
     let (mut cost, mut gradient, mut normal) = best.normal(points, lens)?;
@@ -377,7 +383,7 @@ mod tests {
         LensMap::new(&Lens { k1, k2: 0.03, focal_px: Some(480.0) }, [640, 360]).unwrap()
     }
 
-    /// The points as a camera with a lens sees them, each marked `off` beside that.
+    /// The points as a camera with a lens sees them, each marked with an offset `off`.
     fn marked(lens: Option<&LensMap>, off: [Point; 6]) -> Vec<FloorPoint> {
         let see = |floor_m| {
             let ideal = camera().see(floor_m).unwrap();
@@ -435,7 +441,7 @@ mod tests {
     #[test]
     fn a_set_that_fits_no_camera_is_blamed_on_the_point_at_fault() {
         let mut points = marked(None, [[0.2, -0.1], [-0.3, 0.1], [0.1, 0.3], [0.0, -0.2], [0.3, 0.2], [-0.2, 0.1]]);
-        // Metres for centimetres.
+        // Centimetres entered as metres.
         points[3].floor_m[1] = -40.0;
         FloorFit::new(&points, None).expect_err("no camera");
         let error = FloorFit::culprit(&points, None).expect("one is at fault");

@@ -1,78 +1,85 @@
-//! From the floor to the camera's ideal image.
+//! The projective map from the floor to the camera's ideal image.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use crate::geometry::Point;
 
-/// Floor points that are looked at; nobody marks so many by hand.
+/// Largest number of floor points accepted. Nobody marks that many by hand.
 pub(super) const MOST_POINTS: usize = 64;
 
-/// Why floor points do not tell where the floor is. Points are counted from 1.
+/// Why floor points do not determine the floor. Points are counted from 1.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum HomographyError {
     /// Not enough points.
     #[error("floor_points has {0} points, expected at least 4, no 3 of those 4 on one line")]
     TooFew(usize),
-    /// So many that to look for the one at fault would take seconds.
+    /// So many points that the search for one at fault would take seconds.
     #[error("floor_points has {0} points, expected at most {MOST_POINTS}")]
     TooMany(usize),
     /// A coordinate is NaN or infinite.
     #[error("floor_points: point {0} has a coordinate that is not a finite number")]
     NotFinite(usize),
-    /// A pixel beyond the circle that the lens shows.
-    #[error("floor_points: point {0} is where the lens shows nothing")]
+    /// A pixel outside the lens's image circle.
+    #[error("floor_points: point {0} is outside the lens's image circle")]
     OutsideLens(usize),
-    /// Too many of them on one line, or so nearly that a pixel decides.
+    /// Too many points on or near one line, to within the marking error.
     #[error("floor_points do not fix the floor: expected at least 4 apart, no 3 of those 4 near one line")]
     Degenerate,
     /// The camera would have to look at the floor from below.
     #[error(
-        "floor_points show the floor mirrored: expected x to the right for someone who faces the door, y into the hidden \
-         room, u to the right, v down"
+        "floor_points show the floor mirrored: expected x to the right for someone who faces the door, y into the \
+         hidden room, u to the right, v down"
     )]
     Mirrored,
-    /// No camera has them all in front of it.
+    /// No camera has all points in front of it.
     #[error("floor_points fit no camera that has them all in front of it: is a pixel or a floor_m mistyped?")]
     Behind,
-    /// One of them contradicts the others.
+    /// One point contradicts the others.
     #[error(
-        "floor_points: point {point} is {miss_px:.0} pixels from where the others put it: is its pixel or floor_m mistyped?"
+        "floor_points: point {point} is {miss_px:.0} pixels from where the others put it: is its pixel or floor_m \
+         mistyped?"
     )]
     Outlier {
-        /// Which point.
+        /// Number of the point.
         point: usize,
-        /// Between where it is marked and where the camera that fits the others has it.
+        /// Distance between the marked pixel and where the camera that fits the others sees the point.
         miss_px: f64,
     },
-    /// They contradict each other, and nothing tells which is at fault.
+    /// The points contradict each other, and it is not clear which one is at fault.
     #[error(
-        "floor_points disagree by {noise_px:.0} pixels, expected at most {limit_px:.0}: is a pixel or a floor_m mistyped? \
-         (point {worst} is farthest off, by {residual_px:.0} pixels; with more points it would be clearer)"
+        "floor_points disagree by {noise_px:.0} pixels, expected at most {limit_px:.0}: is a pixel or a floor_m \
+         mistyped? (point {worst} is farthest off, by {residual_px:.0} pixels; with more points it would be clearer)"
     )]
     Inconsistent {
-        /// The pixel error that would explain it.
+        /// Pixel error estimated from the residuals.
         noise_px: f64,
-        /// What people who click on points reach.
+        /// Largest acceptable pixel error of points marked by hand.
         limit_px: f64,
-        /// The point with the largest residual.
+        /// Number of the point with the largest residual.
         worst: usize,
-        /// That residual.
+        /// The largest residual.
         residual_px: f64,
     },
 }
 
-/// The projective map from the floor plan (metres, door frame) to the image of a camera without distortion (pixels).
+/// The projective map from the floor (metres, door frame) to the image of a camera without distortion (pixels).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Homography {
     matrix: Matrix3<f64>,
     inverse: Matrix3<f64>,
-    /// 1 or −1, so that points in front of the camera have a positive third coordinate.
+    /// Sign, 1 or −1, that makes the third coordinate positive in front of the camera.
     front: f64,
 }
 
 impl Homography {
-    /// The map through (floor, pixel) pairs by the normalised direct linear transformation (Hartley and Zisserman, Multiple
-    /// View Geometry, algorithm 4.2): exact for four points, and what [`FloorFit`](super::FloorFit) starts from for more.
+    /// Fits the map to (floor, pixel) pairs by the normalised direct linear transformation (Hartley and Zisserman,
+    /// Multiple View Geometry, algorithm 4.2). It is exact for four points, and the starting point of
+    /// [`FloorFit`](super::FloorFit) for more.
+    ///
+    /// # Errors
+    ///
+    /// If there are fewer than four points, a coordinate is not finite, or the points do not determine a map with all
+    /// of them in front of the camera.
     pub fn fit(points: &[(Point, Point)]) -> Result<Self, HomographyError> {
         if let Some(k) = points.iter().position(|(p, q)| p.iter().chain(q).any(|v| !v.is_finite())) {
             return Err(HomographyError::NotFinite(k + 1));
@@ -97,7 +104,7 @@ impl Homography {
         let rows_t = svd.v_t.ok_or(HomographyError::Degenerate)?;
         let mut order: Vec<usize> = (0..9).collect();
         order.sort_by(|&a, &b| svd.singular_values[a].total_cmp(&svd.singular_values[b]));
-        // One null direction is the map; a second one means that the points leave it open.
+        // One null direction is the map; a second one means that the points do not determine it.
         if svd.singular_values[order[1]] < 1e-6 * svd.singular_values[order[8]] {
             return Err(HomographyError::Degenerate);
         }
@@ -107,7 +114,7 @@ impl Homography {
         Self::from_matrix(inverse * normalised * floor_norm, points.iter().map(|p| p.0))
     }
 
-    /// The map with this matrix, for a camera that has `seen` in front of it.
+    /// The map with this matrix, for a camera that has the floor points `seen` in front of it.
     pub(super) fn from_matrix(
         matrix: Matrix3<f64>,
         mut seen: impl Iterator<Item = Point>,
@@ -121,30 +128,30 @@ impl Homography {
         Ok(Self { matrix, inverse, front })
     }
 
-    /// Where a floor position is in the image; none if it is not in front of the camera.
+    /// Image position of a floor point; `None` if it is not in front of the camera.
     pub fn project(&self, floor: Point) -> Option<Point> {
         let v = self.matrix * Vector3::new(floor[0], floor[1], 1.0) * self.front;
         (v[2] > 0.0).then(|| [v[0] / v[2], v[1] / v[2]])
     }
 
-    /// The floor position at an image position; none at and above the horizon.
+    /// Floor point at an image position; `None` at and above the horizon.
     pub fn floor(&self, pixel: Point) -> Option<Point> {
         let v = self.inverse * Vector3::new(pixel[0], pixel[1], 1.0) * self.front;
         (v[2] > 0.0).then(|| [v[0] / v[2], v[1] / v[2]])
     }
 
-    /// Whether the floor is seen from below: turning left on it is turning left in the image, whose v points down.
+    /// Whether the map shows the floor from below: it then preserves orientation, although v points down in the image.
     pub fn mirrored(&self) -> bool {
         self.matrix.determinant() * self.front > 0.0
     }
 
-    /// The matrix, in its own scale.
+    /// The matrix, with arbitrary scale.
     pub(super) fn matrix(&self) -> &Matrix3<f64> {
         &self.matrix
     }
 }
 
-/// Moves points to mean 0 and mean distance √2; none if they coincide.
+/// Similarity that moves points to mean 0 and mean distance √2 from it; `None` if they coincide.
 pub(super) fn normaliser(points: impl Iterator<Item = Point> + Clone) -> Option<Matrix3<f64>> {
     let n = points.clone().count() as f64;
     let mean = points.clone().fold([0.0, 0.0], |m, p| [m[0] + p[0] / n, m[1] + p[1] / n]);

@@ -1,9 +1,9 @@
-//! A lens's radial distortion, both ways.
+//! Radial lens distortion and its inverse.
 
 use crate::geometry::Point;
 use crate::optics::Lens;
 
-/// A lens that cannot be undone. It names the key and says what was expected.
+/// A distortion that cannot be inverted. The message names the key and says what was expected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LensError {
     /// A coefficient that is not a number.
@@ -17,36 +17,41 @@ pub enum LensError {
     /// A focal length that is not positive.
     #[error("lens.focal_px is {0}, expected a number of pixels above 0")]
     Focal(f64),
-    /// The distortion turns back within the image: two ideal positions would be seen at one.
+    /// The distortion folds back within the image: two ideal positions would be seen at the same pixel.
     #[error(
-        "lens.k1 = {k1}, lens.k2 = {k2} turn back {reach_px:.0} pixels from the image's centre, expected a distortion that \
-         grows up to the corners ({corner_px:.0} pixels)"
+        "lens.k1 = {k1}, lens.k2 = {k2} fold the image back {reach_px:.0} pixels from its centre, expected a \
+         distortion that does not fold before the corners ({corner_px:.0} pixels)"
     )]
     TurnsBack {
         /// Coefficient of r².
         k1: f64,
         /// Coefficient of r⁴.
         k2: f64,
-        /// The largest distance from the centre at which anything is seen.
+        /// Distance from the centre, in pixels, at which the distortion folds back.
         reach_px: f64,
-        /// Distance of the corners.
+        /// Distance of the image's corners from its centre, in pixels.
         corner_px: f64,
     },
 }
 
-/// From ideal image positions, as a pinhole has them, to those seen through a lens, in pixels.
+/// Maps ideal (pinhole) image positions to those seen through a lens, in pixels, and back. The formula is that of
+/// [`Lens`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct LensMap {
     centre: Point,
     focal: f64,
     k1: f64,
     k2: f64,
-    /// Ideal radius, in focal lengths, up to which the distortion grows.
+    /// Ideal radius, in focal lengths, up to which the seen radius grows.
     reach: f64,
 }
 
 impl LensMap {
-    /// A lens in front of images of `size` (width, height).
+    /// The lens map for images of `size` (width, height) in pixels.
+    ///
+    /// # Errors
+    ///
+    /// If a coefficient is not finite, the focal length is not positive, or the distortion folds back within the image.
     pub fn new(lens: &Lens, size: [usize; 2]) -> Result<Self, LensError> {
         let Lens { k1, k2, focal_px } = *lens;
         for (key, value) in [("k1", k1), ("k2", k2)] {
@@ -69,7 +74,7 @@ impl LensMap {
         Ok(map)
     }
 
-    /// Where an ideal position is seen; none where the distortion has turned back.
+    /// Where an ideal position is seen, in pixels; `None` beyond the radius at which the distortion folds back.
     pub fn distort(&self, ideal: Point) -> Option<Point> {
         let x = self.relative(ideal);
         let r2 = x[0] * x[0] + x[1] * x[1];
@@ -79,7 +84,7 @@ impl LensMap {
         })
     }
 
-    /// The ideal position of what is seen somewhere; none where nothing is seen.
+    /// Ideal position of a seen position, in pixels; `None` outside the lens's image circle.
     pub fn undistort(&self, seen: Point) -> Option<Point> {
         let x = self.relative(seen);
         let radius = x[0].hypot(x[1]);
@@ -90,7 +95,7 @@ impl LensMap {
         Some(self.absolute(x.map(|c| c * ideal / radius)))
     }
 
-    /// Derivatives of [`Self::distort`]: per seen coordinate, by the ideal ones.
+    /// Derivatives of [`Self::distort`]: one row per seen coordinate, one column per ideal coordinate.
     pub fn jacobian(&self, ideal: Point) -> [[f64; 2]; 2] {
         let [x, y] = self.relative(ideal);
         let r2 = x * x + y * y;
@@ -99,13 +104,13 @@ impl LensMap {
         [[stretch + x * x * slope, x * y * slope], [x * y * slope, stretch + y * y * slope]]
     }
 
-    /// Ideal radius to the radius at which it is seen, in focal lengths.
+    /// Seen radius of an ideal radius, both in focal lengths.
     fn seen_radius(&self, r: f64) -> f64 {
         let r2 = r * r;
         r * (1.0 + r2 * (self.k1 + r2 * self.k2))
     }
 
-    /// The inverse of [`Self::seen_radius`] below `reach`: Newton's method, held within a bracket by bisection.
+    /// Inverse of [`Self::seen_radius`] below `reach`, by Newton's method safeguarded with bisection.
     fn ideal_radius(&self, seen: f64) -> Option<f64> {
         if !seen.is_finite() {
             return None;
@@ -146,15 +151,15 @@ impl LensMap {
     }
 }
 
-/// The radius at which r (1 + k1 r² + k2 r⁴) stops growing: the first root of 1 + 3 k1 s + 5 k2 s², s = r²; infinite if
-/// there is none.
+/// The radius at which r (1 + k1 r² + k2 r⁴) stops growing: the first positive root of 1 + 3 k1 s + 5 k2 s², s = r²;
+/// infinite if there is none.
 fn reach(k1: f64, k2: f64) -> f64 {
     let (a, b) = (5.0 * k2, 3.0 * k1);
     let discriminant = b * b - 4.0 * a;
     if discriminant < 0.0 {
         return f64::INFINITY;
     }
-    // The form without cancellation; it covers k2 = 0.
+    // This form of the quadratic formula avoids cancellation and covers k2 = 0.
     let q = -(b + discriminant.sqrt().copysign(b)) / 2.0;
     let roots = [1.0 / q, if a == 0.0 { f64::INFINITY } else { q / a }];
     roots.into_iter().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min).sqrt()
@@ -189,14 +194,14 @@ mod tests {
 
     #[test]
     fn a_distortion_that_turns_back_within_the_image_is_refused() {
-        // r (1 - r²) turns back at r = 0.577 and is seen at 0.385, 192 pixels from the centre.
+        // r (1 - r²) folds back at r = 0.577, which is seen at 0.385, 192 pixels from the centre.
         let error = map(-1.0, 0.0).expect_err("refused");
         assert_eq!(
             error.to_string(),
-            "lens.k1 = -1, lens.k2 = 0 turn back 192 pixels from the image's centre, expected a distortion that grows up to \
-             the corners (367 pixels)"
+            "lens.k1 = -1, lens.k2 = 0 fold the image back 192 pixels from its centre, expected a distortion that does \
+             not fold before the corners (367 pixels)"
         );
-        map(0.5, -2.0).expect_err("turns back");
+        map(0.5, -2.0).expect_err("folds back");
         map(f64::NAN, 0.0).expect_err("not a number");
         LensMap::new(&Lens { k1: 0.0, k2: 0.0, focal_px: Some(0.0) }, SIZE).expect_err("no focal length");
     }
@@ -205,8 +210,8 @@ mod tests {
         #[test]
         fn undistorting_undoes_distorting(k1 in -0.6..0.6f64, k2 in -0.3..0.6f64, u in -0.5..639.5f64, v in -0.5..359.5f64) {
             if let Ok(lens) = map(k1, k2) {
-                let ideal = lens.undistort([u, v]).expect("everything in the image was somewhere");
-                let seen = lens.distort(ideal).expect("and is seen");
+                let ideal = lens.undistort([u, v]).expect("every image position has an ideal position");
+                let seen = lens.distort(ideal).expect("which is seen");
                 prop_assert!((seen[0] - u).hypot(seen[1] - v) < 1e-6, "{seen:?}");
             }
         }
@@ -230,7 +235,7 @@ mod tests {
         fn whatever_is_accepted_grows_up_to_the_corners(k1 in -3.0..3.0f64, k2 in -3.0..3.0f64) {
             let radii = || (0..2000).map(|k| f64::from(k) * 1e-3);
             let seen = |r: f64| r * (1.0 + k1 * r * r + k2 * r.powi(4));
-            // The corner is 367.2 pixels away: 0.7344 focal lengths. The first fall before that is a fold in the image.
+            // The corner is 367.2 pixels away: 0.7344 focal lengths. If the radius falls before that, the image folds.
             let fold = radii().find(|&r| seen(r + 1e-3) <= seen(r));
             let folded = fold.is_some_and(|r| seen(r) < 0.7344 - 2e-3);
             let grows = fold.is_none_or(|r| seen(r) > 0.7344 + 2e-3);

@@ -1,4 +1,4 @@
-//! Where the floor is: the camera, from points on the floor whose place is known.
+//! Camera calibration: fits the camera to marked points whose position on the floor is known.
 
 mod accuracy;
 mod camera;
@@ -14,7 +14,7 @@ mod values;
 
 pub use accuracy::Accuracy;
 pub use camera::Camera;
-pub use check::{Check, PointErrors, PointResidual, Seen};
+pub use check::{Check, PatchCoverage, PointErrors, PointResidual};
 pub use fit::{ASSUMED_NOISE_PX, FloorFit};
 pub(crate) use footprint::{Footprint, footprints};
 pub use homography::{Homography, HomographyError};

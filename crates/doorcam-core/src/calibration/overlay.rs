@@ -1,4 +1,4 @@
-//! The doorway's floor as lines in the camera's image, to be drawn over it.
+//! Floor lines around the doorway, to be drawn over the camera's image.
 
 use serde::Serialize;
 
@@ -6,25 +6,25 @@ use crate::calibration::Camera;
 use crate::geometry::{Doorway, Point, Side};
 use crate::transport::PatchGrid;
 
-/// Floor lines as the camera sees them, its lens's distortion included: image positions in pixels, (0, 0) the centre of the
-/// top-left pixel. What is not in front of the camera, or far beside its image, is left out.
+/// Floor lines as the camera sees them, lens distortion included: image positions in pixels, (0, 0) the centre of the
+/// top-left pixel. Parts that are not in front of the camera, or far outside its image, are left out.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Overlay {
-    /// The feet of the left and of the right edge, on the wall's visible face; none if not in front of the camera.
+    /// Feet of the left and the right edge, on the wall's visible face; none if not in front of the camera.
     #[cfg_attr(feature = "schema", schema(value_type = Vec<Option<crate::schema::Pixel>>, min_items = 2, max_items = 2))]
     pub edges: [Option<Point>; 2],
     /// The line between them.
     #[cfg_attr(feature = "schema", schema(value_type = Vec<crate::schema::Pixel>))]
     pub door_line: Vec<Point>,
-    /// The patches' outlines, from the wall's corner with the smallest x on; the last point joins the first.
+    /// Outlines of the patches, closed, starting at the corner at the wall with the smallest x.
     pub patches: Outlines,
-    /// Lines every 0.1 m: along x from the wall on, along y from the middle of the door on.
+    /// Grid lines every 0.1 m: those along x start at the wall, those along y at the middle of the door.
     #[cfg_attr(feature = "schema", schema(value_type = Vec<Vec<crate::schema::Pixel>>))]
     pub grid: Vec<Vec<Point>>,
 }
 
-/// A line for each patch.
+/// An outline for each patch.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Outlines {
@@ -36,17 +36,18 @@ pub struct Outlines {
     pub right: Vec<Point>,
 }
 
-/// Metres between the lines of the grid.
+/// Spacing of the grid lines, in metres.
 const GRID_M: f64 = 0.1;
 
-/// Points along a line are this far apart on the floor: a lens bends it, and it may leave the image.
+/// Spacing of the points along a line, in metres on the floor. Lines need intermediate points because the lens may bend
+/// them and they may leave the image.
 const STEP_M: f64 = 0.02;
 
-/// How far the grid goes beyond the patches.
+/// How far the grid extends beyond the patches, in metres.
 const BEYOND_M: f64 = 0.4;
 
 impl Overlay {
-    /// For images of `size` (width, height).
+    /// The overlay for images of `size` (width, height) in pixels.
     pub fn new(camera: &Camera, size: [usize; 2], doorway: &Doorway, patch: &PatchGrid) -> Self {
         let sight = Sight { camera, size: size.map(|n| n as f64) };
         let wall = -doorway.wall_thickness_m;
@@ -56,7 +57,7 @@ impl Overlay {
             let end = wall - patch.fov_m;
             let corners = [[near, wall], [far, wall], [far, end], [near, end]];
             let side = |k: usize| sight.points(corners[k], corners[(k + 1) % 4]);
-            // Each side ends where the next begins.
+            // The last point of each side is the first of the next.
             (0..4).flat_map(|k| side(k).into_iter().rev().skip(1).rev().flatten().collect::<Vec<_>>()).collect()
         };
         let (half, depth) = (doorway.half_width() + patch.fov_m / 2.0 + BEYOND_M, patch.fov_m + BEYOND_M);
@@ -75,30 +76,31 @@ impl Overlay {
     }
 }
 
-/// What the camera sees of floor lines.
+/// Projects floor lines into the image.
 struct Sight<'a> {
     camera: &'a Camera,
     size: [f64; 2],
 }
 
 impl Sight<'_> {
-    /// Points from one place to another, both included; none where they are not seen.
+    /// Image positions of points from one floor position to another, ends included; `None` where they are not seen.
     fn points(&self, from: Point, to: Point) -> Vec<Option<Point>> {
         let length = (to[0] - from[0]).hypot(to[1] - from[1]);
-        // Not one more for a rounding error.
+        // The tolerance keeps a rounding error from adding a step.
         let steps = (length / STEP_M - 1e-6).ceil().clamp(1.0, 10_000.0) as usize;
         let at = |k: usize| [0, 1].map(|c| from[c] + (to[c] - from[c]) * k as f64 / steps as f64);
         (0..=steps).map(|k| self.camera.project(at(k)).filter(|&p| self.near_image(p))).collect()
     }
 
-    /// The parts of a line that are seen.
+    /// The visible parts of a line.
     fn lines(&self, from: Point, to: Point) -> Vec<Vec<Point>> {
         let points = self.points(from, to);
         let seen = points.split(Option::is_none).map(|run| run.iter().copied().flatten().collect::<Vec<_>>());
         seen.filter(|line| line.len() > 1).collect()
     }
 
-    /// Within the image or as far beside it as it is large: beyond, near the horizon, lines run off to infinity.
+    /// Whether a position is in the image or within one image size of it. Further out, near the horizon, lines run off
+    /// to infinity.
     fn near_image(&self, p: Point) -> bool {
         p.iter().zip(self.size).all(|(&at, size)| (-size..2.0 * size).contains(&at))
     }
@@ -116,7 +118,7 @@ mod tests {
     const PATCH: PatchGrid = PatchGrid { size: 64, fov_m: 0.3, layout: PixelLayout::Cells };
     const SIZE: [usize; 2] = [640, 360];
 
-    /// A camera 1.2 m in front of the wall, through a lens.
+    /// A camera 1.2 m in front of the wall, with or without a lens.
     fn camera(lens: Option<LensMap>) -> Camera {
         let pinhole =
             Pinhole { at: [0.1, -1.3, 1.1], tilt: 0.8, turn: -0.1, roll: 0.05, focal: 480.0, centre: [319.5, 179.5] };
@@ -157,7 +159,7 @@ mod tests {
 
     #[test]
     fn what_is_behind_the_camera_is_left_out() {
-        // It stands in the middle of its patches' floor and looks away to the right.
+        // The camera is above the patches and looks away to the right.
         let pinhole =
             Pinhole { at: [0.2, -0.4, 0.3], tilt: 0.5, turn: 1.4, roll: 0.0, focal: 480.0, centre: [319.5, 179.5] };
         let floor: [Point; 4] = [[0.6, -0.2], [1.2, -0.1], [1.3, -0.6], [0.7, -0.5]];

@@ -2,8 +2,8 @@
 
 use crate::geometry::Point;
 
-/// A camera at a place (door frame, metres, z up) that faces the door, then turns to the right, looks down by `tilt` and
-/// rolls (radians).
+/// A camera at `at` (door frame, metres, z up) that faces the door, then turns right by `turn`, looks down by `tilt`
+/// and rolls by `roll` (radians). `focal` and `centre` are in pixels.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pinhole {
     pub(crate) at: [f64; 3],
@@ -15,7 +15,7 @@ pub(crate) struct Pinhole {
 }
 
 impl Pinhole {
-    /// Where a point of the floor is seen; none if it is behind the camera or nearly beside it.
+    /// Image position of a floor point; `None` if it is behind the camera or nearly beside it.
     pub(crate) fn see(&self, floor: Point) -> Option<Point> {
         let (dx, dy, dz) = (floor[0] - self.at[0], floor[1] - self.at[1], -self.at[2]);
         let (right, ahead) = (dx * self.turn.cos() - dy * self.turn.sin(), dx * self.turn.sin() + dy * self.turn.cos());

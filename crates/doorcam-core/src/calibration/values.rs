@@ -1,4 +1,4 @@
-//! What fixes a camera over a doorway.
+//! The values that determine a camera over a doorway.
 
 use serde::de::{Error, Unexpected};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -7,7 +7,7 @@ use crate::calibration::{Camera, FloorFit, HomographyError, LensError, LensMap};
 use crate::geometry::{Doorway, GeometryError};
 use crate::optics::{FloorPoint, Lens, Transfer, TransferError};
 
-/// A camera over a doorway, with the keys of a recording's manifest. Keys that it does not know are ignored.
+/// Calibration of a camera over a doorway, with the keys of a recording's manifest. Unknown keys are ignored.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Calibration {
@@ -17,44 +17,44 @@ pub struct Calibration {
     pub size: [usize; 2],
     /// The doorway.
     pub doorway: Doorway,
-    /// Image positions of known floor positions, at least four.
+    /// Image positions of points whose floor position is known, at least four.
     #[serde(default)]
     pub floor_points: Vec<FloorPoint>,
-    /// The lens's distortion; none if straight lines look straight.
+    /// Lens distortion; none if straight lines look straight.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lens: Option<Lens>,
-    /// The camera's transfer function; none for sRGB, which webcams imitate.
+    /// Transfer function of the camera; none for sRGB, which webcams approximate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transfer: Option<Transfer>,
 }
 
-/// A calibration that cannot be used: one line that names the key and says what was expected.
+/// Why a calibration cannot be used: one line that names the key and says what was expected.
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
-    /// No size that an image can have.
+    /// A size that no image can have.
     #[error("size is [{}, {}], expected [width, height] in pixels, each from 1 to {LARGEST_SIDE}", .0[0], .0[1])]
     Size([usize; 2]),
-    /// No measures that a doorway can have.
+    /// Dimensions that no doorway can have.
     #[error(transparent)]
     Doorway(#[from] GeometryError),
     /// A transfer function that no camera has.
     #[error(transparent)]
     Transfer(#[from] TransferError),
-    /// A distortion that cannot be undone.
+    /// A distortion that cannot be inverted.
     #[error(transparent)]
     Lens(#[from] LensError),
-    /// The floor points do not fix the floor.
+    /// Floor points that do not determine the floor.
     #[error(transparent)]
     FloorPoints(#[from] HomographyError),
 }
 
-/// Images with longer sides than this do not come from a camera.
+/// No camera delivers images with longer sides than this.
 const LARGEST_SIDE: usize = 65_535;
 
-/// Reads two whole numbers; 640.0 is one, too, as JSON has it.
+/// Reads two whole numbers. 640.0 counts as one, because JSON makes no difference.
 fn whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[usize; 2], D::Error> {
     let numbers = <[f64; 2]>::deserialize(deserializer)?;
-    // What is too large for anything is for others to refuse: they know what it is.
+    // Numbers that are too large are refused by `Calibration::lens_map`, which can name the key.
     let is_whole = |number: f64| number >= 0.0 && number.fract() == 0.0;
     match numbers.into_iter().find(|&number| !is_whole(number)) {
         Some(number) => Err(D::Error::invalid_value(Unexpected::Float(number), &"a whole number")),
@@ -68,7 +68,11 @@ impl Calibration {
         self.transfer.as_ref().unwrap_or(&Transfer::Srgb)
     }
 
-    /// The camera, from the floor points.
+    /// Fits the camera to the floor points.
+    ///
+    /// # Errors
+    ///
+    /// If a value is not valid, or if the floor points do not determine a camera or contradict each other.
     pub fn camera(&self) -> Result<Camera, CalibrationError> {
         self.doorway.validate()?;
         self.transfer().validate()?;
@@ -78,7 +82,7 @@ impl Calibration {
         fit.contradiction(self.size[0]).map_or_else(|| Ok(fit.camera().clone()), |e| Err(e.into()))
     }
 
-    /// The lens, if it distorts.
+    /// The lens distortion, if any.
     pub(super) fn lens_map(&self) -> Result<Option<LensMap>, CalibrationError> {
         if self.size.iter().any(|n| !(1..=LARGEST_SIDE).contains(n)) {
             return Err(CalibrationError::Size(self.size));
@@ -113,7 +117,7 @@ mod tests {
         let mut bent = calibration();
         bent.lens = Some(Lens { k1: -0.2, k2: 0.05, focal_px: Some(600.0) });
         let lens = LensMap::new(&bent.lens.unwrap(), bent.size).unwrap();
-        // The same camera with this lens sees the points where the lens puts them.
+        // The same camera, with this lens, sees the points at their distorted positions.
         bent.floor_points.iter_mut().for_each(|p| p.pixel = lens.distort(p.pixel).unwrap());
         let (straight, bent) = (calibration().camera().unwrap(), bent.camera().unwrap());
         for floor in [[0.3, -0.2], [-0.45, -0.11], [0.0, -0.39]] {

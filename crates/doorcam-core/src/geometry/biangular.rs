@@ -1,10 +1,10 @@
 use super::{Doorway, Point};
 
-/// Biangular coordinates (α1, α2) of a point of the floor plan: the inner angles, in radians, of the triangle left edge,
-/// right edge, point (paper, section 2.2).
+/// Biangular coordinates (α1, α2) of a point of the floor plan: the inner angles, in radians, of the triangle left
+/// edge, right edge, point (paper, section 2.2).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Biangular {
-    /// α1, the angle at the left edge, measured from the wall (the opening's side).
+    /// α1, the angle at the left edge, measured from the opening.
     pub alpha1: f64,
     /// α2, the angle at the right edge.
     pub alpha2: f64,
@@ -17,30 +17,30 @@ impl Biangular {
         Self { alpha1: y.atan2(x + half), alpha2: y.atan2(half - x) }
     }
 
-    /// The point with these angles: y (cot α1 + cot α2) = W. Its y is infinite or negative where the two rays do not
-    /// meet in the hidden room (α1 + α2 >= π).
+    /// The point with these angles, in metres in the door frame: y (cot α1 + cot α2) = W. y is infinite or negative
+    /// where the two rays do not meet in the hidden room (α1 + α2 >= π).
     pub fn to_point(self, doorway: &Doorway) -> Point {
         let (cot1, cot2) = (self.alpha1.tan().recip(), self.alpha2.tan().recip());
         let y = doorway.width_m / (cot1 + cot2);
-        // A ray along the wall has an infinite cotangent; the other angle then tells x.
+        // A ray along the wall has an infinite cotangent; x then follows from the other angle.
         let x = if cot2.abs() < cot1.abs() { doorway.half_width() - y * cot2 } else { y * cot1 - doorway.half_width() };
         [x, y]
     }
 
-    /// γ = π − α1 − α2, the angle under which the point sees the doorway.
+    /// γ = π − α1 − α2, the angle that the doorway subtends at the point, in radians.
     pub fn gamma(self) -> f64 {
         std::f64::consts::PI - self.alpha1 - self.alpha2
     }
 
-    /// (ρ1, ρ2), the distances from the left and the right edge along the floor, by the law of sines (eq. 5).
+    /// (ρ1, ρ2), the floor distances from the left and the right edge, in metres, by the law of sines (eq. 5).
     pub fn ranges(self, doorway: &Doorway) -> (f64, f64) {
         let scale = doorway.width_m / self.gamma().sin();
         (scale * self.alpha2.sin(), scale * self.alpha1.sin())
     }
 }
 
-/// Squared distance along the floor between a floor point at range `r` and angle `theta` from the wall and a hidden
-/// point at range `rho` and angle `alpha`, both seen from one edge (eq. 3).
+/// Squared floor distance between a floor point at range `r` and angle `theta` from the wall and a hidden point at
+/// range `rho` and angle `alpha`, both measured at one edge (eq. 3).
 #[cfg(test)]
 fn squared_distance(r: f64, theta: f64, rho: f64, alpha: f64) -> f64 {
     r * r + rho * rho - 2.0 * r * rho * (std::f64::consts::PI - theta + alpha).cos()
@@ -74,8 +74,8 @@ mod tests {
             prop_assert!((rho2 - (x - w / 2.0).hypot(y)).abs() < 1e-9 * rho2);
         }
 
-        /// Eq. 3 uses angles around the left edge: θ from the wall on the visible side, α from the opening on the hidden
-        /// side; it must be the plain distance on the floor plan.
+        /// Eq. 3 uses angles at the left edge: θ from the wall on the visible side, α from the opening on the hidden
+        /// side. It must equal the plain distance on the floor plan.
         #[test]
         fn equation_3_is_the_distance_on_the_floor(
             w in 0.3..3.0, x in -3.0..3.0, y in 0.05..4.0, r in 0.01..0.4f64, turn in 0.0..1.0f64,
@@ -90,7 +90,7 @@ mod tests {
             prop_assert!((literal - plain).abs() < 1e-9 * plain, "{literal} {plain}");
         }
 
-        /// A floor point at angle θ from the wall sees, past the left edge, just the hidden points with α1 < θ.
+        /// Past the left edge, a floor point at angle θ from the wall sees exactly the hidden points with α1 < θ.
         #[test]
         fn alpha1_decides_what_a_floor_point_sees_past_the_left_edge(
             x in -3.0..3.0, y in 0.05..4.0, r in 0.01..0.2f64, theta in 0.01..3.13f64,

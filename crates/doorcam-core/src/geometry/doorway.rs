@@ -25,7 +25,7 @@ impl Side {
     }
 }
 
-/// The opening: the wall fills -T <= y <= 0, the opening is |x| < W/2.
+/// The doorway: the wall fills -T <= y <= 0, the opening is |x| < W/2 (door frame).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
@@ -41,7 +41,11 @@ pub struct Doorway {
 }
 
 impl Doorway {
-    /// Checks that the measures are ones a doorway can have.
+    /// Checks that the dimensions are possible.
+    ///
+    /// # Errors
+    ///
+    /// If a dimension is not finite, the width or height is not positive, or the wall thickness is negative.
     pub fn validate(&self) -> Result<(), GeometryError> {
         let positive = |key, value: f64| {
             if value.is_finite() && value > 0.0 {
@@ -61,12 +65,12 @@ impl Doorway {
         self.height_m.map_or(Ok(()), |h| positive("doorway.height_m", h))
     }
 
-    /// Half the width: the edges stand at x = ±this.
+    /// Half the width, in metres: the edges are at x = ±this.
     pub fn half_width(&self) -> f64 {
         self.width_m / 2.0
     }
 
-    /// The foot of an edge on the hidden face of the wall.
+    /// The foot of an edge on the wall's hidden face, in metres in the door frame.
     pub fn edge(&self, side: Side) -> Point {
         match side {
             Side::Left => [-self.half_width(), 0.0],

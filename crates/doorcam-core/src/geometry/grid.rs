@@ -2,7 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Biangular, Doorway, GeometryError, Point};
 
-/// The hidden room that the map covers: |x| <= `half_width_m`, 0 <= y <= `depth_m`.
+/// The part of the hidden room that the map covers: |x| <= `half_width_m`, 0 <= y <= `depth_m`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields)]
@@ -13,18 +13,19 @@ pub struct Room {
     pub depth_m: f64,
 }
 
-/// What the reconstruction grid is made from (DESIGN: the published grid is [`GridSpec::published`]).
+/// Parameters of the reconstruction grid; [`GridSpec::published`] has the published ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GridSpec {
     /// The part of the hidden side that the grid covers.
     pub room: Room,
     /// Number of equal intervals of π for each of α1 and α2; 45 makes 4°.
     pub intervals: usize,
-    /// Smallest angle between a facet and the wall, in radians; beyond it, facets parallel to y close the ring.
+    /// Smallest angle between a grid line and the wall beside the opening, in radians. Facets parallel to y close each
+    /// ring between the last line and the wall.
     pub min_angle: f64,
-    /// Facet ends keep this distance from either edge, in metres.
+    /// Smallest distance of a facet's ends from either edge, in metres.
     pub edge_clearance_m: f64,
-    /// Facets keep outside the ellipse around the doorway whose points' distances to the two edges sum to this, in metres.
+    /// Facet midpoints lie outside the ellipse of points whose distances to the two edges sum to this, in metres.
     pub near_sum_m: f64,
 }
 
@@ -77,7 +78,7 @@ impl GridSpec {
 /// Seen from above, the doorway is on the right of the direction `from` → `to`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Facet {
-    /// One end of the segment, in metres.
+    /// One end of the segment, in metres in the door frame.
     pub from: Point,
     /// The other end.
     pub to: Point,
@@ -104,7 +105,7 @@ impl Facet {
 /// The facets of the map and which of them are foreground (paper, figure 6).
 #[derive(Debug, Clone, PartialEq)]
 pub struct FacetGrid {
-    /// Facets in the published order: by α1, then by falling α2.
+    /// Facets in the published order: by increasing α1, then decreasing α2.
     pub facets: Vec<Facet>,
     /// Per facet: true where moving people are expected (red in figure 6), false for the scene's background (purple).
     pub foreground: Vec<bool>,
@@ -113,8 +114,12 @@ pub struct FacetGrid {
 }
 
 impl FacetGrid {
-    /// Builds the grid: facets join diagonal corners of the cells of the biangular "graph paper", transverse to the
-    /// doorway, and are kept where the spec says.
+    /// Builds the grid: facets join diagonal corners of the biangular cells (the paper's "graph paper"), transverse to
+    /// the doorway. Only facets that meet the spec are kept.
+    ///
+    /// # Errors
+    ///
+    /// If a value is out of range, the doorway is wider than the room, or no facet lies in the room.
     pub fn new(doorway: &Doorway, spec: &GridSpec) -> Result<Self, GeometryError> {
         spec.validate(doorway)?;
         let facets = rings(doorway, spec);
@@ -140,9 +145,9 @@ fn rings(doorway: &Doorway, spec: &GridSpec) -> Vec<Facet> {
     use std::f64::consts::PI;
 
     let line = |k: usize| PI * k as f64 / spec.intervals as f64;
-    // Where min_angle is a whole number of steps, rounding must not decide on one side only.
+    // If min_angle is a whole number of steps, rounding must not drop the line on one side only.
     let slack = 1e-9;
-    // Lines of constant α1, from the right wall around, and of constant π − α2, both measured from the +x direction.
+    // Lines of constant α1 and of constant π − α2: both angles are measured from +x.
     let left: Vec<f64> = (0..=spec.intervals).map(line).filter(|&a| a <= PI - spec.min_angle + slack).collect();
     let right: Vec<f64> = (0..=spec.intervals).map(line).filter(|&a| a >= spec.min_angle - slack).collect();
     let corner = |a_left: f64, a_right: f64| Biangular { alpha1: a_left, alpha2: PI - a_right }.to_point(doorway);
@@ -178,8 +183,8 @@ fn keep(facet: &Facet, doorway: &Doorway, spec: &GridSpec) -> bool {
     in_room && clear && edges.iter().map(|&e| distance(mid, e)).sum::<f64>() > spec.near_sum_m
 }
 
-/// The published rule: in the middle two thirds of the width and the nearer 5/8 of the depth, or within a fifth of the
-/// room's width of the doorway's centre.
+/// The published rule: a facet in the middle two thirds of the width and the nearer 5/8 of the depth, or within a fifth
+/// of the room's width of the doorway's centre.
 fn is_foreground(facet: &Facet, room: &Room) -> bool {
     let ends = [facet.from, facet.to];
     let min_over = |f: fn(&Point) -> f64| ends.iter().map(f).fold(f64::INFINITY, f64::min);

@@ -18,24 +18,24 @@ pub type Point = [f64; 2];
 /// Why a doorway, room or grid cannot be used.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum GeometryError {
-    /// A length or angle is outside the range that makes sense for it.
+    /// A length or angle is out of range.
     #[error("{key} is {value}, expected {expected}")]
     OutOfRange {
-        /// The configuration or recording key at fault.
+        /// The configuration or recording key.
         key: &'static str,
-        /// What was given.
+        /// The value given.
         value: f64,
-        /// What would have been accepted.
+        /// The accepted range.
         expected: String,
     },
     /// The doorway does not fit into the wall of the room.
     #[error("doorway.width_m is {width_m}, wider than the room ({room_m} m, room.half_width_m = {half_width_m})")]
     WiderThanRoom {
-        /// Width of the opening.
+        /// Width of the opening, in metres.
         width_m: f64,
-        /// Width of the room.
+        /// Width of the room, in metres.
         room_m: f64,
-        /// Half of it, the key that the user sets.
+        /// Half of it, which is the key the user sets.
         half_width_m: f64,
     },
     /// No facet of the grid lies in the room.

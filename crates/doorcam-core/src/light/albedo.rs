@@ -1,23 +1,23 @@
 use crate::light::Patch;
 
-/// A patch of floor taken apart: its texture, and the light on it.
+/// A picture of a patch separated into the floor's texture and the light on it.
 ///
-/// Light on the floor changes little over a ninth of the patch's side, so what does change is the floor: speckle, grain,
-/// joints.
+/// Light on the floor changes little over a ninth of the patch's side, so variation at smaller scales belongs to the
+/// floor: speckle, grain, joints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Floor {
-    /// Reflectance of each pixel relative to its surroundings, row by row from the wall; 1 where a pixel does not count.
+    /// Reflectance of each pixel relative to its surroundings, row by row from the wall; 1 if a pixel does not count.
     pub albedo: Vec<f64>,
-    /// Per colour, the light on each pixel: the picture without the texture, smoothed.
+    /// Per colour, the linear light on each pixel: the picture divided by the albedo and smoothed.
     ///
-    /// Albedo times light is the picture again, but with the noise of the three colours averaged into one. That matters:
-    /// the colours' own pictures differ by little but their noise, which is in every difference from the picture, too, and
-    /// must not pass for a pattern of light.
+    /// Albedo times light reproduces the picture, but with the noise of the three colours averaged into one. This
+    /// matters because the pictures of the three colours differ by little but their noise. That noise is also in every
+    /// difference from the picture, and must not be taken for a pattern of light.
     pub light: [Vec<f64>; 3],
 }
 
 impl Floor {
-    /// From a picture of the patch.
+    /// Separates a picture of the patch. `counted` says which pixels count.
     pub fn from_picture(picture: &Patch, counted: &[bool]) -> Self {
         let planes = [0, 1, 2].map(|p| picture.plane(p).iter().map(|&v| f64::from(v)).collect::<Vec<f64>>());
         let grey: Vec<f64> = (0..picture.pixels()).map(|k| planes.iter().map(|p| p[k]).sum::<f64>() / 3.0).collect();
@@ -32,13 +32,14 @@ impl Floor {
         Self { albedo, light }
     }
 
-    /// The picture of one colour, as albedo and light make it.
+    /// The picture of one colour: albedo times light.
     pub fn picture(&self, channel: usize) -> Vec<f64> {
         self.albedo.iter().zip(&self.light[channel]).map(|(albedo, light)| albedo * light).collect()
     }
 }
 
-/// Pixels along the side of the window over which [`Floor`] takes light to change little, in patches of `size` pixels a side.
+/// Side, in pixels, of the window over which [`Floor`] takes light to change little, for patches of `size` x `size`
+/// pixels.
 pub fn light_window(size: usize) -> usize {
     2 * reach(size) + 1
 }
@@ -52,7 +53,7 @@ fn local_mean(values: &[f64], counted: &[bool], size: usize) -> Vec<f64> {
     let value = |k: usize| if counted[k] { (values[k], 1.0) } else { (0.0, 0.0) };
     let add = |(s, n): (f64, f64), (value, one): (f64, f64)| (s + value, n + one);
     let around = |centre: usize| centre.saturating_sub(reach(size))..(centre + reach(size) + 1).min(size);
-    // Along the rows first and then across them: a window's pixels need not all be visited for each.
+    // Rows first, then columns: this avoids visiting all pixels of every window.
     let along = |k: usize| around(k % size).map(|j| value(k / size * size + j)).fold((0.0, 0.0), add);
     let rows: Vec<(f64, f64)> = (0..values.len()).map(along).collect();
     let mean = |k: usize| {
@@ -82,7 +83,7 @@ mod tests {
         let middle = |k: &usize| (4..60).contains(&(k / size)) && (4..60).contains(&(k % size));
         let inside = (0..size * size).filter(middle);
         assert!(inside.clone().filter(wrong).count() < 60);
-        // Taken apart and put together again, it is the same picture.
+        // Albedo times light reproduces the picture.
         let again = floor.picture(1);
         assert!(inside.clone().all(|k| (again[k] / (speckle(k) * light(k)) - 1.0).abs() < 0.02));
     }

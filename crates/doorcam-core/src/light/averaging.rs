@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::Side;
 use crate::light::PatchPair;
 
-/// How frames are averaged in time, before anything is subtracted from them.
+/// How frames are averaged over time, before the background is subtracted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
@@ -13,39 +13,41 @@ pub enum Averaging {
     /// Each frame by itself.
     #[default]
     None,
-    /// Each frame's weight falls off with its age as exp(−age / time): a frame is `time` old on average.
+    /// Weights fall off with age as exp(−age / time); the mean age is `time`.
     Exponential,
-    /// The frames of the last `time` count alike: a frame is half of it old on average.
+    /// Equal weights for the frames of the last `time`; the mean age is half of it.
     Boxcar,
 }
 
-/// Frames that a boxcar holds at most: a bound on memory, not on what is useful.
+/// Most frames that a boxcar holds; a limit on memory.
 const MOST: usize = 256;
-/// Seconds without a frame that break off every average, even a longer one.
+/// A pause between frames restarts the average if it is longer than this many seconds and than the averaging time.
 const GAP_S: f64 = 1.0;
-/// A change of a patch's whole light from one frame to the next that nobody who walks can make.
+/// Relative change of a patch's total light between frames that restarts the average. Nobody walking can cause it.
 const JUMP: f64 = 0.05;
 
-/// A running average of patch pairs: noise for latency.
+/// A running average of patch pairs: less noise for more latency.
 ///
-/// It begins anew when frames are missing, when time runs backwards (a recording that starts again) and when the light
-/// jumps: no average mixes what was before with what is after. Until it is full again, it is noisier than it will be, by
+/// It restarts when frames are missing, when time runs backwards (a recording that restarts) and when the light jumps,
+/// so that no average mixes frames from before and after. Until it is full again it is noisier, by the factor
 /// [`Averager::excess`].
 #[derive(Debug, Clone)]
 pub struct Averager {
     mode: Averaging,
     time_s: f64,
     mean: PatchPair,
-    /// Boxcar: the frames that count, oldest first, and their sum per side.
+    /// Boxcar: the frames in the window with their times, oldest first.
     frames: VecDeque<(f64, PatchPair)>,
+    /// Boxcar: unused buffers.
     spare: Vec<PatchPair>,
+    /// Boxcar: sum of the frames in the window, per side.
     sums: [Vec<f64>; 2],
     last: Option<Last>,
-    /// Frames since it began.
+    /// Frames since the last restart.
     count: u64,
     /// Variance of the average for frames of unit variance.
     variance: f64,
-    /// Seconds from frame to frame, where none are missing; none before that is known.
+    /// Smoothed seconds between frames, pauses excluded; `None` until known.
     rhythm_s: Option<f64>,
 }
 
@@ -56,7 +58,7 @@ struct Last {
 }
 
 impl Averager {
-    /// Of patches of `size` x `size` pixels, over `time_s` seconds.
+    /// An averager for patches of `size` x `size` pixels, over `time_s` seconds.
     pub fn new(mode: Averaging, time_s: f64, size: usize) -> Self {
         let sums = if mode == Averaging::Boxcar { 3 * size * size } else { 0 };
         Self {
@@ -73,8 +75,8 @@ impl Averager {
         }
     }
 
-    /// Seconds between two averages that have hardly a frame in common, so that their noise is independent: what is
-    /// measured about noise must be measured on averages so far apart.
+    /// Seconds between two averages whose noise is independent because they share hardly any frames. Noise must be
+    /// measured on averages at least this far apart.
     pub fn independent_s(&self) -> f64 {
         match self.mode {
             Averaging::None => 0.0,
@@ -83,12 +85,12 @@ impl Averager {
         }
     }
 
-    /// How many times the standard deviation of a full average this one has: 1 once it is full.
+    /// Standard deviation of this average relative to that of a full one: 1 once it is full.
     pub fn excess(&self) -> f64 {
         if self.mode == Averaging::None {
             return 1.0;
         }
-        // With frames at the usual rhythm; until that is known, a first guess.
+        // Variance of a full average at the usual frame interval, or a first guess until that is known.
         let full = match (self.mode, self.rhythm_s) {
             (_, None) => 0.25,
             (Averaging::Boxcar, Some(step)) => (self.time_s / step).round().clamp(1.0, MOST as f64).recip(),
@@ -98,22 +100,22 @@ impl Averager {
             }
         };
         let ratio = (self.variance / full).sqrt();
-        // A few frames more or less, as capture jitters, are nothing to correct for.
+        // Capture jitter changes the number of frames slightly; that needs no correction.
         if ratio < 1.05 { 1.0 } else { ratio }
     }
 
-    /// What it does, and over how many seconds.
+    /// The kind of averaging and its time, in seconds.
     pub fn kind(&self) -> (Averaging, f64) {
         (self.mode, if self.mode == Averaging::None { 0.0 } else { self.time_s })
     }
 
-    /// Begins anew with the next frame.
+    /// Restarts the average with the next frame.
     pub fn restart(&mut self) {
         self.last = None;
     }
 
-    /// Adds a frame, captured at `seconds` on the source's clock, and gives the average and its [`Averager::excess`]. Once it
-    /// has been full, it allocates nothing.
+    /// Adds a frame, captured at `seconds` on the source's clock, and returns the average and its [`Averager::excess`].
+    /// Allocates nothing once the average has been full.
     pub fn push<'a>(&'a mut self, pair: &'a PatchPair, seconds: f64) -> (&'a PatchPair, f64) {
         if self.mode == Averaging::None {
             return (pair, 1.0);
@@ -132,7 +134,7 @@ impl Averager {
             self.sums.iter_mut().for_each(|sums| sums.fill(0.0));
         }
         if !gap {
-            // Smoothed: capture jitters.
+            // Smoothed against capture jitter.
             self.rhythm_s = Some(self.rhythm_s.map_or(step, |rhythm| rhythm + 0.2 * (step - rhythm)));
         }
         self.count += 1;
@@ -147,14 +149,14 @@ impl Averager {
 
     fn fade(&mut self, pair: &PatchPair, step: f64) {
         let fading = 1.0 - (-step / self.time_s).exp();
-        // The first frames count alike, until one more would weigh less than it shall.
+        // The first frames get equal weights, until an equal weight falls below the exponential one.
         let share = if self.count == 1 { 1.0 } else { fading.max(1.0 / self.count as f64) };
         self.variance = (1.0 - share).powi(2) * self.variance + share * share;
         blend(&mut self.mean, pair, share as f32);
     }
 
     fn slide(&mut self, pair: &PatchPair, seconds: f64, step: f64) {
-        // Half a step of slack: with frames at even times, the number in the window must not hang on rounding.
+        // Half a step of slack, so that rounding does not change the number of evenly spaced frames in the window.
         let old = |(t, _): &mut (f64, PatchPair)| seconds - *t >= self.time_s - step / 2.0;
         while self.frames.len() >= MOST || self.frames.front_mut().is_some_and(old) {
             let Some((_, gone)) = self.frames.pop_front() else { break };
@@ -174,11 +176,11 @@ impl Averager {
     }
 }
 
-/// Moves `mean` towards `pair` by a share of their difference.
+/// Moves `mean` towards `pair` by the fraction `share` of their difference.
 pub(super) fn blend(mean: &mut PatchPair, pair: &PatchPair, share: f32) {
     for side in Side::BOTH {
         let values = mean.side_mut(side).data_mut().iter_mut();
-        // From a mean of whatever was before, the whole way must lead exactly to the new value.
+        // In this form, a share of 1 gives exactly the new value, whatever the mean was.
         values.zip(pair.side(side).data()).for_each(|(mean, x)| *mean = *mean * (1.0 - share) + share * x);
     }
 }
@@ -191,7 +193,7 @@ fn add(sums: &mut [Vec<f64>; 2], pair: &PatchPair, factor: f64) {
 
 /// Sum of each patch's light.
 fn light(pair: &PatchPair) -> [f64; 2] {
-    // In blocks, so that the sums of a few hundred thousand numbers may be made in f32.
+    // Summed in blocks, so that f32 is precise enough for a few hundred thousand values.
     let sum = |side: Side| pair.side(side).data().chunks(512).map(|c| f64::from(c.iter().sum::<f32>())).sum();
     Side::BOTH.map(sum)
 }

@@ -12,7 +12,7 @@ fn value(pair: &PatchPair) -> f32 {
     pair.left.data()[0]
 }
 
-/// Pushes values a tenth of a second apart and gives the averages.
+/// Pushes values a tenth of a second apart and returns the averages.
 fn averages(averager: &mut Averager, from_s: f64, values: &[f32]) -> Vec<f32> {
     let push = |(k, v): (usize, &f32)| value(averager.push(&filled(*v), from_s + 0.1 * k as f64).0);
     values.iter().enumerate().map(push).collect()
@@ -43,7 +43,7 @@ fn a_boxcar_is_the_mean_of_the_frames_in_its_time() {
 
 #[test]
 fn an_exponential_average_forgets_by_time_and_not_by_frames() {
-    // The same step of light, seen at 10 and at 40 frames a second, ends the same.
+    // The same step of light gives the same result at 10 and at 40 frames a second.
     let after_a_second = |fps: usize| {
         let mut averager = Averager::new(Averaging::Exponential, 0.5, SIZE);
         (0..10 * fps).for_each(|k| {

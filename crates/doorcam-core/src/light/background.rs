@@ -1,7 +1,7 @@
 use crate::light::PatchPair;
 use crate::light::rolling::KEPT;
 
-/// The empty room's patch pair x_0 of eq. 4: the mean of the frames it was shown.
+/// The empty room's patch pair x_0 of eq. 4: the mean of the learned frames.
 #[derive(Debug, Clone)]
 pub struct Background {
     sums: [Vec<f64>; 2],
@@ -11,14 +11,14 @@ pub struct Background {
 }
 
 impl Background {
-    /// Nothing learned yet.
+    /// An empty background for patches of `size` x `size` pixels.
     pub fn new(size: usize) -> Self {
         let mean = PatchPair::zeros(size);
         let zeros = || vec![0.0; mean.left.data().len()];
         Self { sums: [zeros(), zeros()], frames: 0, mean, kept: Vec::new() }
     }
 
-    /// With a mean of `frames` frames that is known from elsewhere, and frames for its statistics.
+    /// A background with a given mean of `frames` frames, and frames for its statistics.
     pub(super) fn known(mean: PatchPair, frames: u64, kept: Vec<PatchPair>) -> Self {
         let sums = |patch: &super::Patch| patch.data().iter().map(|&v| f64::from(v) * frames as f64).collect();
         Self { sums: [sums(&mean.left), sums(&mean.right)], frames, mean, kept }
@@ -40,7 +40,7 @@ impl Background {
         }
     }
 
-    /// Frames learned.
+    /// Number of frames learned.
     pub fn frames(&self) -> u64 {
         self.frames
     }
@@ -50,12 +50,12 @@ impl Background {
         &self.mean
     }
 
-    /// Frames for their statistics: the first ones learned.
+    /// Frames kept for their statistics: the first ones learned.
     pub fn kept(&self) -> &[PatchPair] {
         &self.kept
     }
 
-    /// Writes y = x_t − x_0 (eq. 4) into `out`; false, and nothing written, before the first frame was learned.
+    /// Writes y = x_t − x_0 (eq. 4) into `out`. Before the first frame is learned, it writes nothing and returns false.
     pub fn difference(&self, pair: &PatchPair, out: &mut PatchPair) -> bool {
         if self.frames > 0 {
             pair.subtract(&self.mean, out);

@@ -3,18 +3,19 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use crate::geometry::Side;
 use crate::light::PatchPair;
 
-/// Fewer frames do not tell a pattern from noise.
+/// Fewest frames from which a pattern can be told from noise.
 const ENOUGH: usize = 8;
-/// Along a pattern, the frames must vary this many times more strongly (in standard deviation) than white noise would:
-/// noise that compression and interpolation spread over neighbours reaches about 2.
+/// Smallest standard deviation of the frames along a pattern, relative to white noise. Noise that compression and
+/// interpolation spread over neighbours reaches about 2.
 const STANDS_OUT: f64 = 4.0;
 
-/// Per side, the patterns in which the empty room's frames vary over time beyond their noise and beyond the patterns
-/// `explained`, strongest first, at most `most`: what lamps that drift apart do to the floor.
+/// Drift patterns of each side: unit vectors over the patch's pixels along which the empty room's frames vary over time
+/// beyond their noise and beyond the patterns `explained`, because its lamps vary against one another. Strongest first,
+/// at most `most`; pixels that are not `counted` are 0.
 ///
-/// Patterns are the principal components of the even frames. Each counts only if the odd frames, which had no say in it,
-/// vary along it as well: otherwise it would be the even frames' own noise, and projecting it out would make the empty room
-/// look quieter than it is.
+/// Patterns are the principal components of the even frames. One counts only if the odd frames, which did not
+/// contribute to it, vary along it too. Otherwise it would be noise of the even frames, and projecting it out would
+/// make the empty room look quieter than it is.
 pub fn drift_patterns(
     frames: &[&PatchPair],
     explained: &[Vec<Vec<f64>>; 2],
@@ -41,8 +42,8 @@ fn side_drift(
     let eigen = SymmetricEigen::new(even.tr_mul(&even));
     let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-    // Pure noise spreads its energy over all samples alike, but for the three directions that the means took, and in each
-    // sample over all pixels.
+    // For pure noise, all eigenvalues are about equal (but for three zeros from subtracting the means), and each is the
+    // sum over all pixels. The median is therefore the noise variance times the number of pixels.
     let pixels = counted.iter().filter(|&&c| c).count().max(1) as f64;
     let noise = eigen.eigenvalues[order[(order.len() - 3) / 2]] / pixels;
     let mut patterns = Vec::new();
@@ -62,7 +63,8 @@ fn side_drift(
     patterns
 }
 
-/// The frames' deviations from their mean without what `basis` (orthonormal) explains: one column a frame and colour.
+/// Deviations of the frames from their mean, with the span of `basis` (orthonormal) projected out: one column per frame
+/// and colour.
 fn deviations<'a>(
     frames: impl Iterator<Item = &'a PatchPair> + Clone,
     side: Side,

@@ -2,23 +2,23 @@ use crate::geometry::{Doorway, Point, Side};
 use crate::light::{Patch, PatchPair};
 use crate::transport::PatchGrid;
 
-/// Sectors of a fan: half the angle that a person 2 m away fills, or less.
+/// Sectors of a fan. Each spans at most half the angle of a person 2 m away.
 const SECTORS: usize = 48;
 /// Rings of a fan.
 const RINGS: usize = 3;
 
-/// The pixels of a patch gathered in cells by angle and distance around the foot of their edge: a penumbra is a function of
-/// the angle above all, so that a cell's mean keeps nearly all that its pixels say.
+/// The pixels of a patch grouped into cells by angle and distance around the foot of their edge. A penumbra depends
+/// mainly on the angle, so a cell's mean keeps nearly all the information of its pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fan {
-    /// Per pixel, its cell; none for pixels that do not count.
+    /// Cell of each pixel; `None` for pixels that do not count.
     cells: Vec<Option<u16>>,
-    /// Pixels of each cell, at least one.
+    /// Number of pixels in each cell, at least one.
     counts: Vec<u32>,
 }
 
 impl Fan {
-    /// For the pixels of one patch that count.
+    /// The fan of the pixels of one patch that count.
     pub fn new(doorway: &Doorway, patch: &PatchGrid, side: Side, counted: &[bool]) -> Self {
         let [foot, _] = doorway.edge(side);
         let polar = |k: usize| {
@@ -26,7 +26,7 @@ impl Fan {
             let (x, y) = (x - foot, -doorway.wall_thickness_m - y);
             (y.atan2(x), x.hypot(y))
         };
-        // Rings of equal area: to a distance r, half a disc has π r² / 2.
+        // Rings of equal area: half a disc of radius r has an area of π r² / 2.
         let ring = |r: f64| (RINGS as f64 * (2.0 * r / patch.fov_m).powi(2) / 2.0) as usize;
         let sector = |angle: f64| (SECTORS as f64 * angle / std::f64::consts::PI) as usize;
         let raw: Vec<Option<usize>> = (0..patch.pixels())
@@ -58,17 +58,17 @@ impl Fan {
         self.counts.is_empty()
     }
 
-    /// Per cell, its pixels.
+    /// Number of pixels in each cell.
     pub fn counts(&self) -> &[u32] {
         &self.counts
     }
 
-    /// Per pixel that counts, its index and its cell.
+    /// Index and cell of each pixel that counts.
     pub fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.cells.iter().enumerate().filter_map(|(k, cell)| Some((k, usize::from((*cell)?))))
     }
 
-    /// The mean of `values`, one for each pixel, in each cell.
+    /// Mean of `values` (by pixel index) in each cell.
     pub fn means(&self, values: impl Fn(usize) -> f64) -> Vec<f64> {
         let mut means = vec![0.0; self.len()];
         self.pixels().for_each(|(k, cell)| means[cell] += values(k));
@@ -76,7 +76,7 @@ impl Fan {
         means
     }
 
-    /// The same for a plane of a patch, into `means`.
+    /// Writes the mean of a patch's plane in each cell into `means`.
     pub fn means_into(&self, plane: &[f32], means: &mut [f32]) {
         means.fill(0.0);
         for (cell, &value) in self.cells.iter().zip(plane) {
@@ -87,7 +87,8 @@ impl Fan {
         means.iter_mut().zip(&self.counts).for_each(|(mean, &n)| *mean /= n as f32);
     }
 
-    /// The middle of each cell's pixels, in groups of at most `most` pixels: fewer points that stand for all of them.
+    /// Splits each cell's pixels into groups of at most `most` and returns the centroid and size of each group: fewer
+    /// points that stand for all of them. `points` are the positions of all pixels.
     pub fn groups(&self, points: &[Point], most: usize) -> Vec<Vec<(Point, f64)>> {
         let mut members: Vec<Vec<Point>> = self.counts.iter().map(|&n| Vec::with_capacity(n as usize)).collect();
         self.pixels().for_each(|(k, cell)| members[cell].push(points[k]));
@@ -100,18 +101,18 @@ impl Fan {
     }
 }
 
-/// Both patches' fans.
+/// The fans of both patches.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FanPair([Fan; 2]);
 
 impl FanPair {
-    /// For the pixels that count.
+    /// The fans of the pixels that count.
     pub fn new(doorway: &Doorway, patch: &PatchGrid, counted: &[Vec<bool>; 2]) -> Self {
         let [left, right] = Side::BOTH;
         Self([Fan::new(doorway, patch, left, &counted[0]), Fan::new(doorway, patch, right, &counted[1])])
     }
 
-    /// Left, right.
+    /// The left and the right fan.
     pub fn sides(&self) -> [&Fan; 2] {
         self.0.each_ref()
     }

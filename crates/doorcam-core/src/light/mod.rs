@@ -1,4 +1,4 @@
-//! What the floor shows: from images to patch pairs in linear light, and to the difference measurement of eq. 4.
+//! Measures the light on the floor: from images to patch pairs in linear light and the difference measurement of eq. 4.
 
 mod albedo;
 mod averaging;

@@ -1,7 +1,8 @@
 use crate::geometry::Side;
 use crate::light::PatchPair;
 
-/// Noise of a patch pixel by its level: variance = `read` + `shot` · level, linear light relative to full scale.
+/// Noise of a patch pixel as a function of its level: variance = `read` + `shot` · level, in linear light relative to
+/// full scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseModel {
     /// Variance that does not depend on the level: read noise, quantisation.
@@ -10,16 +11,16 @@ pub struct NoiseModel {
     pub shot: f64,
 }
 
-/// Quietest noise that is believed, as a share of full scale: an eighth of a 16-bit code.
+/// Lower bound of the standard deviation, relative to full scale: an eighth of a 16-bit code.
 const QUIETEST: f64 = 2e-6;
 
 impl NoiseModel {
-    /// Fits the model to the frames' variance over time, pixel by pixel; none with fewer than two frames.
+    /// Fits the model to the variance of each pixel over the frames; `None` with fewer than two frames.
     pub fn from_frames(frames: &[&PatchPair], counted: &[Vec<bool>; 2]) -> Option<Self> {
         if frames.len() < 2 {
             return None;
         }
-        // Sums of a regression of variance on level, weighted by 1 / level² as the scatter of a variance is.
+        // Sums of an unweighted regression of variance on level.
         let (mut n, mut level_sum, mut variance_sum, mut cross, mut squares) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (s, side) in Side::BOTH.into_iter().enumerate() {
             for channel in 0..3 {
@@ -37,7 +38,7 @@ impl NoiseModel {
         }
         let (mean_level, mean_variance) = (level_sum / n, variance_sum / n);
         let spread = squares / n - mean_level * mean_level;
-        // Levels that hardly differ tell nothing about the slope: all the noise then counts as photon noise.
+        // Levels that hardly differ do not determine the slope; all noise is then taken as photon noise.
         let slope = if spread > 1e-4 * mean_level * mean_level {
             (cross / n - mean_level * mean_variance) / spread
         } else {
@@ -47,8 +48,8 @@ impl NoiseModel {
         Some(Self { read: (mean_variance - shot * mean_level).max(QUIETEST * QUIETEST), shot })
     }
 
-    /// From one frame alone: the median absolute second difference along rows of `difference`, which a smooth penumbra
-    /// hardly adds to. For a difference of two frames, that is the noise of both.
+    /// Estimates the noise from a single `difference`: from the median absolute second difference along rows, to which
+    /// a smooth penumbra contributes little. For a difference of two frames, the result is the noise of both together.
     pub fn from_texture(difference: &PatchPair) -> Self {
         let mut jumps = Vec::new();
         for side in Side::BOTH {
@@ -66,7 +67,7 @@ impl NoiseModel {
         Self { read: sigma.max(QUIETEST).powi(2), shot: 0.0 }
     }
 
-    /// Standard deviation at a level.
+    /// Standard deviation at a level; both in linear light relative to full scale.
     pub fn sigma(&self, level: f64) -> f64 {
         (self.read + self.shot * level.max(0.0)).sqrt()
     }
@@ -78,7 +79,7 @@ pub(super) mod tests {
 
     pub const SIZE: usize = 32;
 
-    /// Reproducible normal numbers, by summing twelve uniform ones.
+    /// Reproducible, approximately normal numbers: sums of twelve uniform ones.
     struct Normal(u64);
 
     impl Normal {
@@ -91,7 +92,7 @@ pub(super) mod tests {
         }
     }
 
-    /// Frames of a light that rises to the right, with a pattern of which more and more is added, and noise.
+    /// Frames of light that increases to the right, with a pattern that grows from frame to frame, and noise.
     pub fn frames(count: usize, noise: NoiseModel, drift: f64) -> Vec<PatchPair> {
         let mut normal = Normal(3);
         (0..count)

@@ -1,7 +1,7 @@
 use crate::geometry::Side;
 
-/// One rectified square of floor: `size` x `size` pixels in three planes (red, green, blue), row 0 at the wall, linear
-/// light.
+/// One rectified square of floor in linear light: three planes (red, green, blue) of `size` x `size` pixels, row 0 at
+/// the wall.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patch {
     size: usize,
@@ -29,7 +29,7 @@ impl Patch {
         &self.data[channel * self.pixels()..(channel + 1) * self.pixels()]
     }
 
-    /// The same, to write to.
+    /// Mutable version of [`Self::plane`].
     pub fn plane_mut(&mut self, channel: usize) -> &mut [f32] {
         let pixels = self.pixels();
         &mut self.data[channel * pixels..(channel + 1) * pixels]
@@ -40,7 +40,7 @@ impl Patch {
         &self.data
     }
 
-    /// The same, to write to.
+    /// Mutable version of [`Self::data`].
     pub fn data_mut(&mut self) -> &mut [f32] {
         &mut self.data
     }
@@ -69,7 +69,7 @@ impl PatchPair {
         }
     }
 
-    /// The same, to write to.
+    /// Mutable version of [`Self::side`].
     pub fn side_mut(&mut self, side: Side) -> &mut Patch {
         match side {
             Side::Left => &mut self.left,
@@ -77,14 +77,14 @@ impl PatchPair {
         }
     }
 
-    /// Takes over the values of `other`, which has the same size; a clone would allocate.
+    /// Copies the values of `other`, which must have the same size, without allocating.
     pub fn copy_from(&mut self, other: &PatchPair) {
         for side in Side::BOTH {
             self.side_mut(side).data_mut().copy_from_slice(other.side(side).data());
         }
     }
 
-    /// Writes the difference of each value from `other`'s into `out`. All three have the same size.
+    /// Writes `self` − `other` into `out`. All three must have the same size.
     pub fn subtract(&self, other: &PatchPair, out: &mut PatchPair) {
         for side in Side::BOTH {
             let values = self.side(side).data().iter().zip(other.side(side).data());

@@ -1,17 +1,17 @@
 use crate::image::{Image, Samples};
 use crate::optics::Transfer;
 
-/// How an image's codes become light.
+/// How image codes are converted to linear light.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Decoding {
-    /// The transfer function is undone; full scale is 1.
+    /// Inverts the transfer function; full scale is 1.
     Light(Transfer),
-    /// As the authors' program has it: code / 256 or code / 65536, no transfer function undone.
+    /// As in the authors' program: code / 256 or code / 65536, without inverting a transfer function.
     Published,
 }
 
 impl Decoding {
-    /// Light for a code of `bits` bits.
+    /// Light of a code of `bits` bits.
     fn light(&self, code: usize, bits: u32) -> f64 {
         match self {
             Decoding::Published => code as f64 / f64::from(1u32 << bits),
@@ -20,7 +20,7 @@ impl Decoding {
     }
 }
 
-/// Tables from codes to light, made once.
+/// Precomputed tables from 8-bit and 16-bit codes to light.
 #[derive(Debug, Clone)]
 pub struct LightTable {
     eight: Vec<f32>,
@@ -28,13 +28,13 @@ pub struct LightTable {
 }
 
 impl LightTable {
-    /// The tables of a decoding.
+    /// Computes the tables of a decoding.
     pub fn new(decoding: &Decoding) -> Self {
         let table = |bits: u32| (0..1usize << bits).map(|code| decoding.light(code, bits) as f32).collect();
         Self { eight: table(8), sixteen: table(16) }
     }
 
-    /// Light of the samples `range` of an image, appended to `out` after clearing it.
+    /// Replaces the contents of `out` with the light of the samples `range` of an image.
     pub fn read(&self, image: &Image, range: std::ops::Range<usize>, out: &mut Vec<f32>) {
         out.clear();
         match &image.samples {
@@ -43,8 +43,8 @@ impl LightTable {
         }
     }
 
-    /// Adds light, times a weight each, of as many of an image's pixels as there are weights, from the pixel `first` on, to
-    /// the sums of red, green and blue.
+    /// Adds the weighted light of consecutive pixels of an image, from pixel `first` on and one per weight, to the sums
+    /// of red, green and blue.
     pub fn add_weighted(&self, image: &Image, first: usize, weights: &[f32], sums: &mut [f32; 3]) {
         let samples = 3 * first..3 * (first + weights.len());
         match &image.samples {

@@ -1,4 +1,4 @@
-//! Images to patch pairs.
+//! From images to patch pairs.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use crate::image::Image;
 use crate::light::{Filter, LightTable, Patch, PatchPair, PatchResampler};
 use crate::transport::PatchGrid;
 
-/// An image that does not fit what the rectifier was made for.
+/// An image that does not have the size for which the rectifier was made.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("the image has {} x {} pixels, expected {} x {}", got.0, got.1, expected.0, expected.1)]
 pub struct WrongSize {
@@ -27,12 +27,12 @@ pub struct PatchRectifier {
 }
 
 impl PatchRectifier {
-    /// For images that show a square of side `image_fov_m`; the model's patch must not be larger.
+    /// A rectifier for images of a square of side `image_fov_m` (m). The model's patch must not be larger.
     pub fn new(patch: &PatchGrid, image_fov_m: f64, filter: Filter) -> Self {
         Self { fraction: (patch.fov_m / image_fov_m).min(1.0), size: patch.size, filter, resampler: None }
     }
 
-    /// Linear light of one patch image, averaged into `patch`.
+    /// Averages the linear light of one patch image into `patch`.
     pub fn apply(&mut self, image: &Image, table: &LightTable, patch: &mut Patch) {
         let size = (image.width, image.height);
         let (fraction, pixels, filter) = (self.fraction, self.size, self.filter);
@@ -62,7 +62,7 @@ struct Taps {
     weights: Vec<f32>,
 }
 
-/// Neighbours in a row of the image.
+/// Consecutive image pixels.
 #[derive(Debug, Clone, Copy)]
 struct Run {
     /// Index of the first image pixel.
@@ -71,7 +71,7 @@ struct Run {
 }
 
 impl CameraRectifier {
-    /// For images of `image_size` (width, height) from `camera`.
+    /// A rectifier for images of `image_size` (width, height) in pixels from `camera`.
     pub fn new(doorway: &Doorway, patch: &PatchGrid, camera: &Camera, image_size: (usize, usize)) -> Self {
         let taps = Side::BOTH.map(|side| Taps::new(&footprints(doorway, patch, side, camera, image_size)));
         Self { image_size, taps }
@@ -82,18 +82,23 @@ impl CameraRectifier {
         self.image_size
     }
 
-    /// Per side, the patch pixels that the camera sees whole.
+    /// Per side, whether the camera sees the whole of each patch pixel.
     pub fn visible(&self) -> [Vec<bool>; 2] {
         [0, 1].map(|s| self.taps[s].start.windows(2).map(|w| w[0] < w[1]).collect())
     }
 
-    /// The image rows that the patches are read from: the others need not be decoded.
+    /// The image rows from which the patches are read; the others need not be decoded.
     pub fn rows(&self) -> Range<usize> {
         let rows = || self.taps.iter().flat_map(|taps| &taps.runs).map(|run| run.pixel / self.image_size.0.max(1));
         rows().min().unwrap_or(0)..rows().max().map_or(0, |last| last + 1)
     }
 
-    /// Linear light of the two patches in `image`; pixels that the camera does not see whole are 0.
+    /// Writes the linear light of the two patches in `image` into `pair`; patch pixels that the camera does not see
+    /// whole are 0.
+    ///
+    /// # Errors
+    ///
+    /// If the image does not have the size [`Self::image_size`].
     pub fn apply(&self, image: &Image, table: &LightTable, pair: &mut PatchPair) -> Result<(), WrongSize> {
         let got = (image.width, image.height);
         if got != self.image_size {
@@ -149,7 +154,7 @@ mod tests {
     const DOORWAY: Doorway = Doorway { width_m: 0.6, wall_thickness_m: 0.1, height_m: None };
     const PATCH: PatchGrid = PatchGrid { size: 16, fov_m: 0.3, layout: PixelLayout::Cells };
 
-    /// A camera that looks straight down: 500 pixels a metre, door line at row 20.
+    /// A camera that looks straight down: 500 pixels per metre, door line at row 20.
     fn overhead(floor: [f64; 2]) -> [f64; 2] {
         [300.0 + 500.0 * floor[0], 20.0 - 500.0 * (floor[1] + 0.1)]
     }
@@ -174,7 +179,7 @@ mod tests {
                 let k = row * 16 + column;
                 let patch = pair.side(side);
                 assert!((f64::from(patch.plane(0)[k]) * 65535.0 - 100.0 * u).abs() < 1.0, "{side:?} {row} {column}");
-                // The image's row 20 shows half wall, half floor: that half is told from row 21.
+                // Row 20 of the image shows half wall, half floor, so its floor half is taken from row 21.
                 let limit = if row == 0 { 15.0 } else { 1.0 };
                 assert!((f64::from(patch.plane(1)[k]) * 65535.0 - 300.0 * v).abs() < limit, "{side:?} {row} {column}");
                 assert!((f64::from(patch.plane(2)[k]) * 65535.0 - 7000.0).abs() < 0.1);
@@ -202,7 +207,7 @@ mod tests {
 
     #[test]
     fn rows_are_those_that_the_patches_are_read_from() {
-        // From the wall at row 20 down to 0.3 m in front of it.
+        // From the wall at row 20 to 0.3 m in front of it.
         let rows = rectifier().rows();
         assert!((19..=21).contains(&rows.start) && (170..=172).contains(&rows.end), "{rows:?}");
     }

@@ -1,4 +1,4 @@
-//! Patch images down to the pixels of the model.
+//! Reduces patch images to the pixels of the model.
 
 use crate::image::Image;
 use crate::light::{LightTable, Patch};
@@ -6,13 +6,13 @@ use crate::light::{LightTable, Patch};
 /// How a patch image's pixels are averaged into the model's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Filter {
-    /// The published one: antialiased bicubic (a = −0.5) with mirrored borders, on whole pixels of the image.
+    /// The published filter: antialiased bicubic (a = −0.5) with mirrored borders, on a crop of whole image pixels.
     Bicubic,
-    /// The mean of what falls into each cell.
+    /// The mean over each cell.
     Area,
 }
 
-/// Crops the square of side `fraction` nearest the wall, centred in x, out of a patch image and averages it to
+/// Crops a square out of a patch image (`fraction` of its side, at the wall, centred in x) and averages it to
 /// `size` x `size` pixels.
 #[derive(Debug, Clone)]
 pub struct PatchResampler {
@@ -26,7 +26,7 @@ pub struct PatchResampler {
 type Weights = Vec<Vec<(usize, f64)>>;
 
 impl PatchResampler {
-    /// For images of `width` x `height` pixels.
+    /// A resampler for images of `width` x `height` pixels.
     pub fn new((width, height): (usize, usize), fraction: f64, size: usize, filter: Filter) -> Self {
         let side = |n: usize| n as f64 * fraction;
         let centred = (width as f64 - side(width)) / 2.0;
@@ -46,17 +46,17 @@ impl PatchResampler {
         Self { image_size: (width, height), size, columns, rows }
     }
 
-    /// The image size (width, height) that it was made for.
+    /// The image size (width, height) for which this was made.
     pub fn image_size(&self) -> (usize, usize) {
         self.image_size
     }
 
-    /// Linear light of `image`, which has the size that this was made for, averaged into `patch`.
+    /// Averages the linear light of `image` into `patch`. The image must have the size [`Self::image_size`].
     pub fn apply(&self, image: &Image, table: &LightTable, patch: &mut Patch) {
         debug_assert_eq!((image.width, image.height), self.image_size);
         let size = self.size;
         let mut line = Vec::new();
-        // Reduced columns of the rows under an output row's window; windows overlap, so rows are kept until passed.
+        // Column-reduced rows under the output row's window. Windows overlap, so rows are kept until passed.
         let mut reduced: Vec<Option<Vec<f64>>> = vec![None; image.height];
         for (row, taps) in self.rows.iter().enumerate() {
             let first = taps.iter().map(|&(k, _)| k).min().unwrap_or(0);
@@ -80,7 +80,7 @@ impl PatchResampler {
         }
     }
 
-    /// One interleaved line of light to `size` columns in three planes.
+    /// Reduces one interleaved line of light to `size` columns in three planes.
     fn reduce(&self, line: &[f32]) -> Vec<f64> {
         let mut out = vec![0.0; 3 * self.size];
         for (column, taps) in self.columns.iter().enumerate() {
@@ -110,10 +110,10 @@ fn cubic(x: f64) -> f64 {
     }
 }
 
-/// Weights of the antialiased bicubic reduction of `n` pixels to `size`: the kernel is stretched by the reduction, and
-/// what it reaches beyond the border is mirrored.
+/// Weights of the antialiased bicubic reduction of `n` pixels to `size`: the kernel is stretched by the reduction
+/// factor and mirrored at the borders.
 fn bicubic(n: usize, size: usize) -> Weights {
-    // Enlarging does not stretch.
+    // No stretching when enlarging.
     let stretch = (n as f64 / size as f64).max(1.0);
     (0..size)
         .map(|k| {
@@ -139,7 +139,7 @@ fn bicubic(n: usize, size: usize) -> Weights {
         .collect()
 }
 
-/// Weights of the mean over each of `size` equal cells of the stretch `start .. start + length` of `n` pixels.
+/// Weights of the mean over each of `size` equal cells of the interval `start .. start + length` of `n` pixels.
 fn area(start: f64, length: f64, size: usize, n: usize) -> Weights {
     let cell = length / size as f64;
     (0..size)
@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn bicubic_weights_are_the_published_convention() {
-        // Reduction by two with a = -0.5, interior pixel: the well-known taps of the stretched kernel.
+        // Reduction by two with a = -0.5, interior pixel: the known taps of the stretched kernel.
         let taps = &bicubic(16, 8)[4];
         let expected = [-0.011_718_75, -0.035_156_25, 0.113_281_25, 0.433_593_75];
         for (k, e) in expected.iter().enumerate() {
@@ -199,7 +199,7 @@ mod tests {
         for filter in [Filter::Bicubic, Filter::Area] {
             let patch = apply(&image, 0.5, 64, filter);
             for (row, column) in [(5, 9), (30, 31), (50, 60)] {
-                // Cell centres of 4 pixels a cell, from column 128 and row 0.
+                // Centres of cells of 4 x 4 pixels, starting at column 128 and row 0.
                 let (x, y) = (128.0 + 4.0 * column as f32 + 1.5, 4.0 * row as f32 + 1.5);
                 let k = row * 64 + column;
                 assert!((patch.plane(0)[k] * 65535.0 - 100.0 * x).abs() < 0.05, "{filter:?}");

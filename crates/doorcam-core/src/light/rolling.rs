@@ -5,26 +5,26 @@ use crate::geometry::Side;
 use crate::light::averaging::blend;
 use crate::light::{Background, PatchPair};
 
-/// Frames of the empty room that are kept for their statistics.
+/// Number of frames of the empty room that are kept for their statistics.
 pub(super) const KEPT: usize = 64;
 
-/// The empty room's picture, followed over time: a mean per pixel, and how frames deviate from it.
+/// The empty room's picture, tracked over time: the mean of each pixel and the frames' deviations from it.
 ///
-/// Deviations are kept as whole frames, 64 at most, spread evenly over the time that the mean looks back: from them
-/// come each pixel's variance, how far noise is spread over neighbours, and the patterns in which lamps drift apart. They are
-/// deviations from the mean of their own time, each colour's gain taken out, so that neither slow drift nor flicker, which
-/// harm nothing, pass for noise.
+/// Deviations are kept as whole frames, at most 64, spread evenly over the time constant of the mean. They give each
+/// pixel's variance, the correlation of noise between neighbours, and the drift patterns of the lamps. Each is taken
+/// from the mean at its own time, with each colour's gain removed, so that slow drift and flicker, which are harmless,
+/// do not count as noise.
 #[derive(Debug, Clone)]
 pub struct RollingBackground {
     mean: PatchPair,
-    /// Frames of equal weight that would give as good a mean.
+    /// Number of equally weighted frames that would give a mean with the same noise.
     averaged: f64,
     deviations: VecDeque<Arc<PatchPair>>,
-    /// Seconds since a deviation was kept.
+    /// Seconds since the last deviation was kept.
     since_kept_s: f64,
 }
 
-/// A rolling background as it was at one moment; cheap to make, so that other threads can work on it.
+/// A rolling background at one moment; cheap to make, for work on other threads.
 #[derive(Debug, Clone)]
 pub struct Snapshot {
     pub(super) mean: PatchPair,
@@ -33,7 +33,7 @@ pub struct Snapshot {
 }
 
 impl RollingBackground {
-    /// From what was learned at the start.
+    /// Starts from a learned background.
     pub fn from_background(background: &Background) -> Self {
         let mean = background.mean().clone();
         let deviation = |frame: &PatchPair| {
@@ -45,7 +45,7 @@ impl RollingBackground {
         Self { averaged: background.frames() as f64, deviations, since_kept_s: 0.0, mean }
     }
 
-    /// From one picture, of which nothing else is known.
+    /// Starts from a single picture, without any noise statistics.
     pub fn from_picture(mean: PatchPair) -> Self {
         Self { mean, averaged: 1.0, deviations: VecDeque::new(), since_kept_s: 0.0 }
     }
@@ -55,13 +55,13 @@ impl RollingBackground {
         &self.mean
     }
 
-    /// Frames of equal weight that would give as good a mean.
+    /// Number of equally weighted frames that would give a mean with the same noise.
     pub fn averaged(&self) -> f64 {
         self.averaged
     }
 
-    /// Follows a frame that shows the empty room, `step_s` seconds after the one before: what is older than `adapt_s` fades.
-    /// Allocates nothing once all deviations are there, unless a snapshot still holds the oldest.
+    /// Adapts to a frame of the empty room, `step_s` seconds after the previous one, with a time constant of `adapt_s`
+    /// seconds. Allocates nothing once all deviations are filled, unless a snapshot still holds the oldest.
     pub fn adapt(&mut self, pair: &PatchPair, step_s: f64, adapt_s: f64) {
         self.since_kept_s += step_s.max(0.0);
         if self.deviations.len() < KEPT || self.since_kept_s >= adapt_s / KEPT as f64 {
@@ -72,7 +72,7 @@ impl RollingBackground {
             if Arc::get_mut(&mut kept).is_none() {
                 kept = Arc::new(PatchPair::zeros(pair.left.size()));
             }
-            // A frame of a loop, seen again, has no noise of its own to tell of.
+            // A frame equal to the mean, as in a looped recording, says nothing about noise.
             if Arc::get_mut(&mut kept).is_some_and(|kept| deviation(pair, &self.mean, kept)) {
                 self.deviations.push_back(kept);
             }
@@ -80,12 +80,12 @@ impl RollingBackground {
         self.follow(pair, step_s, adapt_s);
     }
 
-    /// How many frames there are to tell the noise from.
+    /// Number of deviations kept for estimating noise.
     pub fn deviations(&self) -> usize {
         self.deviations.len()
     }
 
-    /// Follows a frame with the mean alone: what is known of the noise stays.
+    /// Adapts only the mean to a frame; the noise statistics stay unchanged.
     pub fn follow(&mut self, pair: &PatchPair, step_s: f64, adapt_s: f64) {
         let fading = 1.0 - (-step_s.max(0.0) / adapt_s).exp();
         let share = fading.max(1.0 / (self.averaged + 1.0));
@@ -93,13 +93,13 @@ impl RollingBackground {
         blend(&mut self.mean, pair, share as f32);
     }
 
-    /// Takes another picture of `averaged` frames for the empty room's; noise stays what it was.
+    /// Replaces the mean by a picture averaged from `averaged` frames; the noise statistics stay unchanged.
     pub fn replace(&mut self, mean: &PatchPair, averaged: f64) {
         self.mean.copy_from(mean);
         self.averaged = averaged.max(1.0);
     }
 
-    /// What is known now.
+    /// A snapshot of the current state.
     pub fn snapshot(&self) -> Snapshot {
         let Self { mean, averaged, deviations, .. } = self;
         Snapshot { mean: mean.clone(), averaged: *averaged, deviations: deviations.iter().cloned().collect() }
@@ -118,7 +118,7 @@ impl Snapshot {
         &self.mean
     }
 
-    /// The same as a background that a problem can be built for.
+    /// Converts to a [`Background`], from which a problem can be built.
     pub fn background(&self) -> Background {
         let frame = |deviation: &Arc<PatchPair>| {
             let mut frame = self.mean.clone();
@@ -132,7 +132,7 @@ impl Snapshot {
     }
 }
 
-/// Writes x / g − mean into `out`, with the gain g of each patch's colours by least squares; false if that is nothing at all.
+/// Writes x / g − mean into `out`, with a least-squares gain g per patch and colour; false if the result is exactly 0.
 fn deviation(x: &PatchPair, mean: &PatchPair, out: &mut PatchPair) -> bool {
     let mut any = false;
     for side in Side::BOTH {
@@ -184,7 +184,7 @@ mod tests {
         let still = frames(16, NoiseModel { read: 0.0, shot: 0.0 }, 0.0);
         for fps in [1.0, 10.0] {
             let mut rolling = rolling(&still);
-            // Long known, so that its age alone counts.
+            // Run for long enough that only the time constant matters.
             (0..300 * fps as usize).for_each(|_| rolling.adapt(&still[0], 1.0 / fps, 60.0));
             let brighter = scaled(&still[0], 1.1);
             (0..60 * fps as usize).for_each(|_| rolling.adapt(&brighter, 1.0 / fps, 60.0));

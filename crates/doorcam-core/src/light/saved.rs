@@ -6,20 +6,21 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::Side;
 use crate::light::{PatchPair, Snapshot};
 
-/// First line of the file: what it is, and the version of its format.
+/// First line of the file: its type and format version.
 const MAGIC: &[u8] = b"doorcam background 1\n";
-/// Deviations that are saved, at most: enough for the noise and for drift, few enough for a memory card.
+/// Most deviations that are saved: enough for noise and drift, few enough for a memory card.
 const SAVED: usize = 16;
-/// Longer headers are not believed.
+/// Most bytes of a header.
 const LONGEST_HEADER: usize = 1 << 16;
 
-/// All that a background belongs to, as text: two that differ belong to different doorways, cameras or exposures.
+/// Text that identifies everything a background depends on. Different fingerprints mean different doorways, cameras or
+/// exposures.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Fingerprint(String);
 
 impl Fingerprint {
-    /// From whatever text describes it all.
+    /// A fingerprint from a text that describes everything.
     pub fn new(description: impl Into<String>) -> Self {
         Self(description.into())
     }
@@ -28,19 +29,19 @@ impl Fingerprint {
 /// Why a saved background is not used.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// It is not a background, not a whole one, or of another version.
+    /// It is not a background, incomplete, or of another version.
     #[error("it is damaged: {0}")]
     Damaged(&'static str),
-    /// It is of another doorway, camera position or exposure.
+    /// It belongs to another doorway, camera position or exposure.
     #[error("it was learned with another geometry, exposure or averaging")]
     Other,
-    /// The light has changed since, in all likelihood.
+    /// It is so old that the light has probably changed.
     #[error("it is {0} hours old")]
     Old(i64),
 }
 
-/// The file's second line; the pictures follow, 4 bytes a value, little-endian: the mean, then deviations from it, each the
-/// left patch and then the right.
+/// Second line of the file. The pictures follow as little-endian 32-bit floats: the mean, then the deviations from it,
+/// each with the left patch first.
 #[derive(Serialize, Deserialize)]
 struct Header {
     fingerprint: Fingerprint,
@@ -52,9 +53,13 @@ struct Header {
 }
 
 impl Snapshot {
-    /// The bytes of a file that [`Snapshot::decode`] reads.
+    /// Encodes the snapshot as the bytes of a file that [`Snapshot::decode`] reads.
+    ///
+    /// # Errors
+    ///
+    /// If the header cannot be serialised.
     pub fn encode(&self, fingerprint: &Fingerprint) -> Result<Vec<u8>, serde_json::Error> {
-        // The latest ones: they are of the light of now.
+        // The latest deviations describe the current light.
         let deviations = &self.deviations[self.deviations.len().saturating_sub(SAVED)..];
         let mut body = Vec::new();
         for pair in std::iter::once(&self.mean).chain(deviations.iter().map(Arc::as_ref)) {
@@ -77,15 +82,22 @@ impl Snapshot {
         Ok(file)
     }
 
-    /// Bytes of the longest file that can hold a background of patches of `size` x `size` pixels. There is no need to read more.
+    /// Largest size, in bytes, of a file with a background of patches of `size` x `size` pixels. There is no need to
+    /// read more.
     pub fn longest(size: usize) -> usize {
         MAGIC.len() + LONGEST_HEADER + (1 + SAVED) * bytes(size)
     }
 
-    /// Reads a file's bytes, if they have this fingerprint, patches of `size` x `size` pixels and are at most `keep_s` seconds old.
+    /// Decodes the bytes of a file.
+    ///
+    /// # Errors
+    ///
+    /// If the file is damaged, has another fingerprint, has patches of another size than `size` x `size` pixels, or is
+    /// older than `keep_s` seconds.
     pub fn decode(file: &[u8], fingerprint: &Fingerprint, size: usize, keep_s: f64) -> Result<Self, LoadError> {
-        let rest =
-            file.strip_prefix(MAGIC).ok_or(LoadError::Damaged("it does not begin as a background of this version"))?;
+        let rest = file
+            .strip_prefix(MAGIC)
+            .ok_or(LoadError::Damaged("it does not begin like a background of this version"))?;
         let end = rest.iter().take(LONGEST_HEADER).position(|&b| b == b'\n');
         let (header, body) = rest.split_at(end.ok_or(LoadError::Damaged("it ends in its header"))?);
         let header: Header =
@@ -95,13 +107,13 @@ impl Snapshot {
             return Err(LoadError::Other);
         }
         if header.deviations > SAVED || body.len() != (1 + header.deviations) * bytes(size) {
-            return Err(LoadError::Damaged("it has not the length that it should have"));
+            return Err(LoadError::Damaged("it does not have the expected length"));
         }
         if checksum(body) != header.checksum {
             return Err(LoadError::Damaged("its checksum is wrong"));
         }
         let age = Timestamp::now().duration_since(header.saved);
-        // What comes from the future was saved before the clock was set right, nobody knows when.
+        // A time in the future means that the clock was wrong when the file was saved, so its age is unknown.
         if age.as_secs_f64() > keep_s || age < SignedDuration::from_mins(-1) {
             return Err(LoadError::Old(age.as_hours()));
         }
@@ -117,7 +129,7 @@ impl Snapshot {
     }
 }
 
-/// Bytes of a patch pair.
+/// Size of a patch pair, in bytes.
 fn bytes(size: usize) -> usize {
     2 * 3 * size * size * size_of::<f32>()
 }
@@ -131,7 +143,7 @@ fn pair(bytes: &[u8], size: usize) -> PatchPair {
     pair
 }
 
-/// FNV-1a, 64 bits: against damage, not against malice.
+/// FNV-1a, 64 bits: detects damage, not tampering.
 fn checksum(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &b| (hash ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))
 }
@@ -188,7 +200,7 @@ mod tests {
             let same = bytes[at] == byte;
             if cut { bytes.truncate(at) } else { bytes[at] = byte }
             match Snapshot::decode(&bytes, &here(), SIZE, 1e9) {
-                // A changed digit of the time of saving or of the number of frames makes another file, not a broken one.
+                // Changing a digit of the saving time or of the number of frames gives another valid file.
                 Ok(loaded) => prop_assert!(!cut && (same || loaded.mean == snapshot().mean)),
                 Err(e) => prop_assert!(cut || !same, "{e}"),
             }

@@ -1,22 +1,22 @@
 use crate::geometry::Side;
 use crate::light::{PatchPair, Sensing};
 
-/// How strong a change on a patch is beside the camera's noise.
+/// Strength of the change on a patch relative to the camera's noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Signal {
-    /// Power of the change over that of the noise, per pixel and colour; 0 if nothing but noise is there.
+    /// Power of the change over that of the noise, per pixel and colour; 0 if there is only noise.
     pub snr: f64,
-    /// Root mean square of the change, noise taken out, as a share of the still patch's mean light.
+    /// RMS of the change without the noise, relative to the mean light of the still patch.
     pub change: f64,
-    /// Standard deviation of a difference of one pixel, as the same share.
+    /// Standard deviation of one pixel's difference, relative to the mean light of the still patch.
     pub noise: f64,
 }
 
 impl Signal {
-    /// Of a difference measurement, with what the pixels can tell: per side, none if no pixel of it counts.
+    /// The signal in a difference measurement, per side; `None` for a side without pixels that count.
     ///
-    /// In each colour, what a change of the camera's gain or a plain veil of light makes ({1, x0}) is taken out first, as the
-    /// signed model does: neither says anything about the room.
+    /// In each colour, the fit of even light and a gain ({1, x0}) is subtracted first, as in the signed model: neither
+    /// says anything about the hidden room.
     pub fn of(difference: &PatchPair, sensing: &Sensing) -> [Option<Self>; 2] {
         [0, 1].map(|s| Self::of_side(difference, sensing, s))
     }
@@ -49,7 +49,7 @@ impl Signal {
     }
 }
 
-/// The weighted least squares fit of a + b·x0 to y; with b = 0 where x0 is the same everywhere, and none without samples.
+/// Weighted least-squares fit (a, b) of a + b·x0 to y. b is 0 if x0 is the same everywhere; `None` without samples.
 fn nuisance(samples: impl Iterator<Item = (f64, f64, f64)>) -> Option<[f64; 2]> {
     let [mut n, mut x, mut y, mut xx, mut xy] = [0.0; 5];
     for (w, x0, change) in samples {
@@ -109,7 +109,7 @@ mod tests {
     fn the_edge_of_a_fan_is_measured_against_the_noise() {
         let (sensing, mut difference) = noisy();
         let edge = |_: usize, column: usize| if column < SIZE / 2 { 0.01 } else { -0.01 };
-        // Rows alone: nothing of it looks like the still picture, which varies along columns.
+        // It varies with the row only, so none of it resembles the still picture, which varies with the column.
         add(&mut difference, |row, column| edge(column, row));
         let [left, right] = Signal::of(&difference, &sensing).map(|signal| signal.unwrap());
         assert!((left.snr / 25.0 - 1.0).abs() < 0.05, "{left:?}");

@@ -3,43 +3,43 @@ use std::collections::VecDeque;
 use crate::light::stillness::{Cells, noise_variance, restlessness};
 use crate::light::{Background, PatchPair};
 
-/// Moments that are kept in memory, of the last seconds and of all the time: for the statistics of the background.
+/// Moments kept for the background's statistics, for the last seconds and for the whole time each.
 const MOMENTS: usize = 48;
-/// How much more than by noise the cells may vary in a still room. Lamps drift a little.
+/// Largest restlessness of a still room. Above 1, because lamps drift a little.
 const STILL: f64 = 2.0;
-/// How far apart, in units of twice the noise, two moments of the same room may be.
+/// Largest squared difference, in units of twice the noise variance, between two moments of the same room.
 const SAME: f64 = 2.5;
-/// Moments from which on the statistics are worth something.
+/// Fewest moments that give useful statistics.
 const FEW: usize = 4;
 
-/// How long to learn.
+/// How long to learn the empty room.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StartupSpec {
-    /// Seconds during which the room must have been still.
+    /// Seconds for which the room must have been still.
     pub still_s: f64,
-    /// Frames in that time, at least.
+    /// Smallest number of frames in that time.
     pub frames: usize,
-    /// Seconds after which to begin with what there is.
+    /// Seconds after which learning ends even if the room was never still.
     pub most_s: f64,
-    /// Seconds between frames whose noise is independent; 0 for single frames.
+    /// Seconds between frames with independent noise; 0 if frames are not averaged.
     pub apart_s: f64,
 }
 
-/// Learns the empty room from a live camera, without being told when it is empty: from the first seconds in which nothing
-/// moves.
+/// Learns the empty room from a live camera, without being told when it is empty: from the first seconds without
+/// motion.
 ///
-/// Somebody who walks through lets it wait until they are gone. If that never happens, the end of the time decides: then the
-/// picture that came back most often is the room's, for people move and rooms do not. Only who stands perfectly still all
-/// the time is taken for furniture.
+/// While somebody walks through, it waits. If the room is never still, it takes the picture that came back most often
+/// when the time is up, since people move and rooms do not. Only somebody who stands perfectly still the whole time is
+/// taken for furniture.
 #[derive(Debug, Clone)]
 pub struct Startup {
     spec: StartupSpec,
     counted: [Vec<bool>; 2],
     began: Option<f64>,
     last_s: f64,
-    /// The last seconds.
+    /// Moments of the last seconds.
     recent: VecDeque<Moment>,
-    /// All the time, ever more thinly.
+    /// Moments since the beginning, thinned out as time goes on.
     sparse: Vec<Moment>,
     sparse_step_s: f64,
 }
@@ -51,17 +51,17 @@ struct Moment {
     pair: PatchPair,
 }
 
-/// What came of it.
+/// Result of [`Startup`].
 #[derive(Debug, Clone)]
 pub struct Learned {
     /// The empty room.
     pub background: Background,
-    /// Whether the room was still; otherwise it is the picture that came back most often.
+    /// Whether the room was still. Otherwise the background is the picture that came back most often.
     pub still: bool,
 }
 
 impl Startup {
-    /// With nothing seen yet. `counted` says per side which pixels count.
+    /// Starts learning. `counted` says per side which pixels count.
     pub fn new(spec: StartupSpec, counted: [Vec<bool>; 2]) -> Self {
         Self {
             sparse_step_s: spec.apart_s.max(spec.most_s / (2 * MOMENTS) as f64),
@@ -74,7 +74,7 @@ impl Startup {
         }
     }
 
-    /// A frame, captured at `seconds` on the source's clock. If time runs backwards, learning begins anew.
+    /// Adds a frame, captured at `seconds` on the source's clock. Restarts learning if time runs backwards.
     pub fn push(&mut self, pair: &PatchPair, seconds: f64) {
         if seconds < self.last_s {
             *self = Self::new(self.spec, std::mem::take(&mut self.counted));
@@ -82,7 +82,8 @@ impl Startup {
         self.began.get_or_insert(seconds);
         self.last_s = seconds;
         let step = (self.needed_s() / MOMENTS as f64).max(self.spec.apart_s);
-        // A little less: capture jitters, and two frames at just that distance must not become every second one.
+        // Slightly less than the step: otherwise, with capture jitter, frames one step apart would be thinned to every
+        // second one.
         let due = |last: Option<&Moment>, step: f64| last.is_none_or(|m| seconds - m.seconds >= 0.9 * step);
         let (now, later) = (due(self.recent.back(), step), due(self.sparse.last(), self.sparse_step_s));
         if !now && !later {
@@ -106,17 +107,17 @@ impl Startup {
             while self.recent.front().is_some_and(|m| m.seconds < from) && self.recent.len() > self.spec.frames {
                 self.recent.pop_front();
             }
-            // Frames that come seldom, or never in order, must not fill the memory either.
+            // A limit on memory, however irregularly frames arrive.
             while self.recent.len() > 2 * MOMENTS.max(self.spec.frames) {
                 self.recent.pop_front();
             }
         }
     }
 
-    /// What was learned, once the room was still for long enough or the time is up.
+    /// The learned background, once the room was still for long enough or the time is up.
     pub fn learned(&self) -> Option<Learned> {
         let (first, last) = (self.recent.front()?, self.recent.back()?);
-        // One step less: n frames have n − 1 steps between them.
+        // n frames span only n − 1 steps, so one step is added below.
         let step = (last.seconds - first.seconds) / (self.recent.len() - 1).max(1) as f64;
         let long =
             self.recent.len() >= self.spec.frames && last.seconds - first.seconds + step >= self.needed_s() - 1e-6;
@@ -127,13 +128,13 @@ impl Startup {
             .then(|| Learned { background: self.most_often(), still: false })
     }
 
-    /// How much of the time that a still room takes has passed, 0 to 1; 1 while waiting for the room to be still.
+    /// Progress through the time that a still room takes, 0 to 1; stays 1 while waiting for the room to be still.
     pub fn progress(&self) -> f64 {
         let frames = self.recent.len() as f64 / self.spec.frames.max(1) as f64;
         (self.passed_s() / self.needed_s()).min(frames).clamp(0.0, 1.0)
     }
 
-    /// Frames that would be learned from now.
+    /// Number of frames in the current window.
     pub fn frames(&self) -> u64 {
         self.recent.len() as u64
     }
@@ -142,25 +143,25 @@ impl Startup {
         self.began.map_or(0.0, |began| self.last_s - began)
     }
 
-    /// Seconds that the room must be still: long enough for independent frames.
+    /// Seconds for which the room must be still: long enough for `frames` independent frames.
     fn needed_s(&self) -> f64 {
         self.spec.still_s.max(self.spec.apart_s * self.spec.frames as f64)
     }
 
-    /// The moments around the one that most others are like.
+    /// The background from the moments nearest to the one that most other moments resemble.
     fn most_often(&self) -> Background {
         let noise = noise_variance(self.recent.iter().map(|m| &m.cells));
         let moments: Vec<&Moment> =
             if self.sparse.len() < FEW { self.recent.iter().collect() } else { self.sparse.iter().collect() };
         let like = |a: &Moment| moments.iter().filter(|b| a.cells.distance2(&b.cells) <= SAME * 2.0 * noise).count();
-        // Of equally many, the latest.
+        // Ties go to the latest.
         let Some(middle) = moments.iter().max_by_key(|m| like(m)) else {
             return background(self.recent.iter());
         };
         let mut nearest = moments.clone();
         nearest.sort_by(|a, b| middle.cells.distance2(&a.cells).total_cmp(&middle.cells.distance2(&b.cells)));
         nearest.truncate(like(middle).max(FEW));
-        // In their order in time, as all statistics expect them.
+        // Statistics expect frames in order of time.
         nearest.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
         background(nearest.into_iter())
     }
@@ -183,7 +184,7 @@ mod tests {
     const NOISE: NoiseModel = NoiseModel { read: 4e-6, shot: 0.0 };
     const SPEC: StartupSpec = StartupSpec { still_s: 5.0, frames: 12, most_s: 30.0, apart_s: 0.0 };
 
-    /// The empty room with somebody of a strength and at a place, 0 to 1, along the columns.
+    /// The empty room with somebody at a position along the columns, 0 to 1.
     fn with_person(empty: &PatchPair, person: Option<f64>) -> PatchPair {
         let mut pair = empty.clone();
         for side in Side::BOTH {
@@ -195,7 +196,7 @@ mod tests {
         pair
     }
 
-    /// Runs a start at 10 frames a second; when it was done, what it had learned, and whether the room was still.
+    /// Runs a start at 10 frames a second; returns when it was done and what it learned.
     fn run(spec: StartupSpec, person: impl Fn(f64) -> Option<f64>) -> (f64, Learned) {
         let empty = frames(600, NOISE, 0.0);
         let mut startup = Startup::new(spec, all());
@@ -211,7 +212,7 @@ mod tests {
         panic!("never done");
     }
 
-    /// How much of the strongest person is in what was learned.
+    /// Largest trace of the person in the learned background, relative to their full strength.
     fn baked_in(learned: &Learned) -> f64 {
         let truth = &frames(1, NoiseModel { read: 0.0, shot: 0.0 }, 0.0)[0];
         let column = |pair: &PatchPair, j: usize| {
@@ -239,7 +240,7 @@ mod tests {
 
     #[test]
     fn who_keeps_walking_through_ends_the_wait_and_is_not_learned() {
-        // In sight for three of five seconds, always elsewhere.
+        // In sight for three of every five seconds, each time at a different place.
         let walk = |t: f64| (t % 5.0 < 3.0).then(|| (0.5 + 0.37 * t) % 1.0);
         let (seconds, learned) = run(SPEC, walk);
         assert!((30.0..31.0).contains(&seconds), "{seconds}");

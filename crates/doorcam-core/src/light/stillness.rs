@@ -4,14 +4,14 @@ use crate::light::PatchPair;
 /// Cells along each side of a patch.
 const CELLS: usize = 4;
 
-/// A patch pair in a few numbers: each colour's light in cells of a sixteenth of a patch, relative to the whole patch's, so
-/// that a gain or flicker changes nothing. Noise is averaged away in them; what somebody in the room does is not, for the
-/// light of the room is smooth on the floor.
+/// A coarse summary of a patch pair: each colour's mean light in the 16 cells of each patch, relative to that of the
+/// whole patch, so that a gain or flicker has no effect. Averaging removes noise but not the effect of somebody in the
+/// room, because the light of the room is smooth on the floor.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cells(Vec<f32>);
 
 impl Cells {
-    /// Of the pixels that count.
+    /// Summarises the pixels that count.
     pub fn of(pair: &PatchPair, counted: &[Vec<bool>; 2]) -> Self {
         let mut cells = Vec::with_capacity(2 * 3 * CELLS * CELLS);
         for (s, side) in Side::BOTH.into_iter().enumerate() {
@@ -25,7 +25,7 @@ impl Cells {
                 }
                 let (light, count) = sums.iter().fold((0.0, 0.0), |(l, n), (light, count)| (l + light, n + count));
                 let whole = if count > 0.0 { light / count } else { 0.0 };
-                // A cell of which little counts is noisier than the others and would hide what they say.
+                // A cell with few pixels that count is noisier than the others and would mask them.
                 let enough = |count: f64| count >= 0.5 * (size * size / (CELLS * CELLS)) as f64;
                 let relative = |&(light, n): &(f64, f64)| {
                     if enough(n) && whole > 0.0 { (light / n / whole - 1.0) as f32 } else { 0.0 }
@@ -43,15 +43,15 @@ impl Cells {
     }
 }
 
-/// Variance of one moment's cells by noise alone: half the median difference of neighbouring moments, to which motion adds
-/// little.
+/// Variance of the cells due to noise alone: half the median squared difference of successive moments, to which motion
+/// adds little.
 pub(super) fn noise_variance<'a>(moments: impl Iterator<Item = &'a Cells> + Clone) -> f64 {
     let mut steps: Vec<f64> = moments.clone().zip(moments.skip(1)).map(|(a, b)| a.distance2(b) / 2.0).collect();
     let middle = steps.len() / 2;
     if steps.is_empty() { 0.0 } else { *steps.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
-/// Variance of the cells over all moments, in units of [`noise_variance`]: about 1 where nothing moves.
+/// Variance of the cells over all moments, in units of [`noise_variance`]: about 1 if nothing moves.
 pub(super) fn restlessness<'a>(moments: impl Iterator<Item = &'a Cells> + Clone) -> f64 {
     let count = moments.clone().count();
     let noise = noise_variance(moments.clone());
@@ -64,7 +64,7 @@ pub(super) fn restlessness<'a>(moments: impl Iterator<Item = &'a Cells> + Clone)
     }
     let square = |Cells(cells): &Cells| cells.iter().zip(&mean).map(|(v, m)| (f64::from(*v) - m).powi(2)).sum::<f64>();
     let variance = moments.map(square).sum::<f64>() / ((count - 1) * mean.len().max(1)) as f64;
-    // Frames that do not differ at all have nothing that moves.
+    // Identical frames have no noise to compare with, and nothing moves in them.
     if variance <= f64::from(f32::EPSILON).powi(2) { 1.0 } else { variance / noise }
 }
 
@@ -83,7 +83,7 @@ mod tests {
         let noise = NoiseModel { read: 1e-5, shot: 0.0 };
         let still = restlessness(cells(&frames(30, noise, 0.0)).iter());
         assert!((0.8..1.3).contains(&still), "{still}");
-        // A pattern that comes up slowly, weaker than one pixel's noise.
+        // A slowly growing pattern, weaker than the noise of one pixel.
         let moving = restlessness(cells(&frames(30, noise, 0.002)).iter());
         assert!(moving > 2.0, "{moving}");
     }

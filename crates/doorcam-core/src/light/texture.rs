@@ -1,23 +1,24 @@
 use crate::light::light_window;
 
-/// How strongly a floor is textured, by the albedo that [`super::Floor`] found: the standard deviation from pixel to pixel of
-/// a white texture that is as strong where it matters, at the scale of the window and above.
+/// Strength of a floor's texture, from the albedo that [`super::Floor`] found: the standard deviation per pixel of a
+/// white texture that would be equally strong at the scales that matter, those of the window and above.
 ///
-/// Grain of a few pixels is stronger there than its deviation from pixel to pixel tells. Means over squares of b x b pixels
-/// of a white texture deviate by 1 / b of the pixels; those of a coarser one by more. The largest b times the deviation over
-/// a few b counts, corrected for the mean over the window, which the albedo is relative to.
+/// Grain a few pixels wide is stronger at those scales than its deviation per pixel suggests. Means over b x b pixels
+/// of a white texture have 1 / b of the pixels' deviation; those of a coarser texture have more. The result is the
+/// largest of b times that deviation over a few b, corrected for the mean over the window, to which the albedo is
+/// relative.
 pub fn texture_strength(albedo: &[f64], counted: &[bool], size: usize) -> f64 {
     let window = light_window(size);
     let strength = |b: usize| b as f64 * deviation_of_means(albedo, counted, size, b) / (1.0 - share(b, window)).sqrt();
     (1..=window.div_ceil(2).min(3)).map(strength).fold(0.0, f64::max)
 }
 
-/// Of the variance of a white texture's mean over b x b pixels, what the mean over the window around it has.
+/// For white texture: variance of the mean over the window, relative to that of the mean over b x b pixels in it.
 fn share(b: usize, window: usize) -> f64 {
     (b as f64 / window as f64).powi(2)
 }
 
-/// Standard deviation from 1 of the mean over each square of b x b pixels, all of which count.
+/// RMS deviation from 1 of the means over squares of b x b pixels. Squares with pixels that do not count are left out.
 fn deviation_of_means(albedo: &[f64], counted: &[bool], size: usize, b: usize) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0_f64);
     for square in (0..size / b).flat_map(|i| (0..size / b).map(move |j| (i * b, j * b))) {
@@ -38,7 +39,7 @@ mod tests {
 
     const SIZE: usize = 64;
 
-    /// The strength found for a floor whose grain is `grain` pixels wide, in light that rises to the right.
+    /// The strength found for a floor whose grain is `grain` pixels wide, in light that increases to the right.
     fn found(deviation: f64, grain: usize, counted: &[bool]) -> f64 {
         // Uniform numbers of unit variance.
         let random = |k: usize| {

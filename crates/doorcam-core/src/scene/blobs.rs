@@ -1,14 +1,14 @@
 use super::Intensity;
 use crate::geometry::{Biangular, Doorway, FacetGrid, Point};
 
-/// Facets are neighbours while neither of their angles differs by more than this many steps of the grid: with those around
-/// them, corners included, and some room for the half cells at the walls.
+/// Facets are neighbours if both of their angles differ by less than this many steps of the grid. That takes in the
+/// cells around a facet, corners included, with a margin for the half cells at the walls.
 const NEIGHBOURS: f64 = 1.6;
 
-/// A connected part of the unified map: where it shows one change.
+/// A connected part of the unified map, which shows one change.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blob {
-    /// Its middle, in metres in the door frame: the mean of its facets' angles, weighted by strength.
+    /// Its centre, in metres in the door frame: the mean of its facets' biangular coordinates, weighted by strength.
     pub position: Point,
     /// The sum of min(|c_L|, |c_R|) over its facets.
     pub strength: f64,
@@ -22,7 +22,7 @@ pub struct Neighbourhood {
     neighbours: Vec<Vec<usize>>,
 }
 
-/// Room for finding blobs.
+/// Workspace for finding blobs.
 #[derive(Debug, Clone, Default)]
 pub struct BlobWorkspace {
     strengths: Vec<f64>,
@@ -31,7 +31,7 @@ pub struct BlobWorkspace {
 }
 
 impl Neighbourhood {
-    /// Of a grid with steps of `step` radians.
+    /// The neighbours in a grid with steps of `step` radians.
     pub fn new(doorway: &Doorway, grid: &FacetGrid, step: f64) -> Self {
         let angles: Vec<Biangular> = grid.facets.iter().map(|f| Biangular::from_point(doorway, f.midpoint())).collect();
         let near = |a: &Biangular, b: &Biangular| {
@@ -43,9 +43,10 @@ impl Neighbourhood {
         Self { doorway: *doorway, angles, neighbours }
     }
 
-    /// The blobs of a map, strongest first: connected facets that became brighter in both views, or darker in both.
-    pub fn blobs<'a>(&self, intensities: &[Intensity], room: &'a mut BlobWorkspace) -> &'a [Blob] {
-        let BlobWorkspace { strengths, stack, blobs } = room;
+    /// The blobs of a map, strongest first: sets of connected facets that are brighter in both views, or darker in
+    /// both.
+    pub fn blobs<'a>(&self, intensities: &[Intensity], workspace: &'a mut BlobWorkspace) -> &'a [Blob] {
+        let BlobWorkspace { strengths, stack, blobs } = workspace;
         strengths.clear();
         strengths.extend(intensities.iter().map(signed_strength));
         blobs.clear();
@@ -73,7 +74,7 @@ impl Neighbourhood {
     }
 }
 
-/// min(|c_L|, |c_R|), negative if both are; 0 if they are not alike.
+/// min(|c_L|, |c_R|), negative if both are negative; 0 if their signs differ.
 fn signed_strength(i: &Intensity) -> f64 {
     if i.left * i.right > 0.0 { i.left.abs().min(i.right.abs()).copysign(i.left) } else { 0.0 }
 }
@@ -110,17 +111,17 @@ mod tests {
         }
         intensities[nearest(&grid, [0.8, 1.5])] = Intensity { left: 0.5, right: 0.4, colour };
         intensities[nearest(&grid, [-0.8, 1.5])] = Intensity { left: 0.5, right: -0.4, colour };
-        let mut room = BlobWorkspace::default();
-        let blobs = neighbourhood.blobs(&intensities, &mut room);
+        let mut workspace = BlobWorkspace::default();
+        let blobs = neighbourhood.blobs(&intensities, &mut workspace);
         assert_eq!(blobs.len(), 2, "{blobs:?}");
         assert_eq!(blobs[0].strength, 1.0 + neighbourhood.neighbours[middle].len() as f64);
         let [x, y] = grid.facets[middle].midpoint();
         assert!((blobs[0].position[0] - x).hypot(blobs[0].position[1] - y) < 0.15, "{blobs:?}");
         assert_eq!(blobs[1].strength, 0.4);
-        // Brighter beside darker is another blob.
+        // A brighter facet beside darker ones is a blob of its own.
         intensities[middle].left = 1.0;
         intensities[middle].right = 2.0;
-        assert_eq!(neighbourhood.blobs(&intensities, &mut room).len(), 3);
+        assert_eq!(neighbourhood.blobs(&intensities, &mut workspace).len(), 3);
     }
 
     #[test]

@@ -1,18 +1,18 @@
 use serde::{Deserialize, Serialize};
 
-/// Which brightness of a change is shown.
+/// Which brightness is shown for a change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Brightness {
-    /// That of the least-squares refit: as the floor says.
+    /// Brightness as measured on the floor, from the least-squares refit.
     Measured,
-    /// That of the solution itself, which the sparsity penalty of eq. 13 shrinks; the paper's figures show it.
+    /// Brightness of the solution itself, which the sparsity penalty of eq. 13 shrinks; the paper's figures show this.
     Shrunk,
 }
 
 impl Brightness {
-    /// How a caption says it.
+    /// The wording in captions.
     pub fn words(self) -> &'static str {
         match self {
             Self::Measured => "measured brightness",

@@ -1,4 +1,4 @@
-//! What the solution says about the room: the left and right views, and the unified map (paper: section 4.4).
+//! What the solution shows of the hidden room: the left and right views and the unified map (paper, section 4.4).
 
 mod blobs;
 mod brightness;

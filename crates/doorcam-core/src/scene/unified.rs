@@ -1,13 +1,13 @@
 use super::{Intensity, Rgb};
 
-/// The unified map v_u = M ⊙ max(v_L, v_R) (eq. 14), with the mask M of eq. 15: a facet counts where both intensities
+/// The unified map v_u = M ⊙ max(v_L, v_R) (eq. 14), with the mask M of eq. 15: a facet counts if both intensities
 /// reach the threshold, `t` times the largest |c|.
 ///
-/// What became darker is unified the same way on the negative parts, as in the authors' figures, and comes out negative:
-/// the paper's maximum is then the more negative of the two views. A facet that is brighter in one view and darker in the
-/// other is in neither map.
+/// Darker changes are unified in the same way on the negative parts, as in the authors' figures, and come out negative:
+/// the paper's maximum then becomes the more negative of the two views. A facet that is brighter in one view and darker
+/// in the other is in neither map.
 ///
-/// `radiance` takes intensities to the radiances of the views, per side and facet.
+/// `radiance` has, per side and facet, the radiance of a facet of intensity 1.
 pub fn unify(intensities: &[Intensity], radiance: [&[f64]; 2], t: f64) -> Vec<Rgb> {
     let largest = intensities.iter().fold(0.0_f64, |m, i| m.max(i.left.abs()).max(i.right.abs()));
     let threshold = t * largest;

@@ -12,9 +12,9 @@ pub struct Intensity {
 }
 
 impl Intensity {
-    /// ‖c‖, what eq. 13's penalty counts.
+    /// ‖c‖, the facet's term in the penalty of eq. 13.
     pub fn strength(&self) -> f64 {
-        // `hypot` would guard against overflow, at ten times the price.
+        // `hypot` also guards against overflow, but takes ten times as long.
         (self.left * self.left + self.right * self.right).sqrt()
     }
 }
@@ -35,13 +35,14 @@ pub struct Scene {
     pub left: Vec<Rgb>,
     /// v_R = diag(c_R) v, the view from the right edge.
     pub right: Vec<Rgb>,
-    /// v_u, the unified map (eq. 14): zero where one of the views sees nothing.
+    /// v_u, the unified map (eq. 14): zero where either view sees nothing.
     pub unified: Vec<Rgb>,
 }
 
 impl Scene {
-    /// Forms the views and, with threshold `t` relative to the largest |c|, the unified map. `radiance` has, per side and
-    /// facet, the radiance of a facet of intensity 1: what is strong is decided by intensities, what is shown is radiance.
+    /// Forms the views and, with threshold `t` relative to the largest |c|, the unified map. `radiance` has, per side
+    /// and facet, the radiance of a facet of intensity 1: the threshold applies to intensities, the views show
+    /// radiance.
     pub fn new(intensities: &[Intensity], radiance: [&[f64]; 2], t: f64) -> Self {
         let view = |s: usize, c: fn(&Intensity) -> f64| {
             intensities.iter().zip(radiance[s]).map(|(i, scale)| i.colour.map(|v| c(i) * scale * v)).collect()
@@ -49,7 +50,7 @@ impl Scene {
         Self { left: view(0, |i| i.left), right: view(1, |i| i.right), unified: unify(intensities, radiance, t) }
     }
 
-    /// Multiplies each facet's light by its factor, in all views. What the unified map leaves out stays out.
+    /// Multiplies each facet's light by its factor in all views. Facets that the unified map leaves out stay out.
     pub fn multiply(&mut self, factors: &[f64]) {
         for view in [&mut self.left, &mut self.right, &mut self.unified] {
             for (rgb, factor) in view.iter_mut().zip(factors) {
@@ -58,7 +59,7 @@ impl Scene {
         }
     }
 
-    /// Indices of the facets that are not zero in some view.
+    /// Indices of the facets that are nonzero in either view.
     pub fn nonzero(&self) -> impl Iterator<Item = usize> + '_ {
         let lit = |rgb: &Rgb| rgb.iter().any(|&v| v != 0.0);
         (0..self.left.len()).filter(move |&n| lit(&self.left[n]) || lit(&self.right[n]))

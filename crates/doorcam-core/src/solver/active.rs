@@ -1,4 +1,4 @@
-//! The facets in play. Their part of the Gram system is copied into contiguous storage, so that a step costs O(active)
+//! The active facets. Their part of the Gram system is copied into contiguous storage, so a step costs O(active)
 //! instead of O(N).
 
 use nalgebra::DMatrix;
@@ -9,7 +9,7 @@ use super::projection::Correlations;
 use super::stationarity::violation;
 use crate::scene::Intensity;
 
-/// Values per side and channel, one a facet.
+/// Values per side and channel, one per facet.
 pub(super) type Planes = [[Vec<f64>; 3]; 2];
 
 /// The values of one facet.
@@ -32,7 +32,7 @@ pub(super) fn product(a: &Pair, b: &Pair) -> f64 {
     a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum()
 }
 
-/// Takes what light of one colour at one facet explains out of a side's correlations; `gram` is the facet's column.
+/// Subtracts what one facet's light explains from a side's correlations; `gram` is the facet's column.
 #[inline(always)]
 pub(super) fn take_out(correlations: &mut [Vec<f64>; 3], gram: &[f64], colour: [f64; 3]) {
     for (correlations, colour) in correlations.iter_mut().zip(colour) {
@@ -40,7 +40,7 @@ pub(super) fn take_out(correlations: &mut [Vec<f64>; 3], gram: &[f64], colour: [
     }
 }
 
-/// Takes what lights explain out of a side's correlations, with the widest registers there are.
+/// Subtracts what lights explain from a side's correlations, with the widest available vector registers.
 pub(super) struct TakeOut<'a, I> {
     pub correlations: &'a mut [Vec<f64>; 3],
     pub side: usize,
@@ -59,13 +59,13 @@ impl<'a, I: Iterator<Item = (&'a [f64], &'a Intensity)>> WithSimd for TakeOut<'_
     }
 }
 
-/// A fall of the objective below this share of its terms is rounding.
+/// A fall of the objective below this share of its terms is rounding error.
 const ROUNDING: f64 = 1e-15;
 
-/// The problem over the facets in play.
+/// The problem restricted to the active facets.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Active {
-    /// Which facets.
+    /// Indices of the active facets.
     pub facets: Vec<usize>,
     pub kinds: Vec<Admissible>,
     /// λ w_n.
@@ -78,16 +78,16 @@ pub(super) struct Active {
     energy: f64,
 }
 
-/// Values for the facets in play, and what is kept up to date with them.
+/// The light of the active facets, with the correlations that go with it.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Point {
     pub light: Vec<Intensity>,
-    /// Aᵀr with r the residual.
+    /// Aᵀr, with r the residual.
     pub correlations: Planes,
 }
 
 impl Active {
-    /// Room for `n` facets.
+    /// A workspace for `n` facets.
     pub fn with_capacity(n: usize) -> Self {
         Self {
             facets: Vec::with_capacity(n),
@@ -99,7 +99,7 @@ impl Active {
         }
     }
 
-    /// Copies what concerns `self.facets`; `penalty` tells a facet's kind and λ w_n.
+    /// Copies the part of the problem for `self.facets`; `penalty` returns a facet's kind and λ w_n.
     pub fn load(
         &mut self,
         gram: &[DMatrix<f64>; 2],
@@ -127,7 +127,7 @@ impl Active {
         }
     }
 
-    /// Number of facets in play.
+    /// Number of active facets.
     pub fn len(&self) -> usize {
         self.facets.len()
     }
@@ -137,7 +137,7 @@ impl Active {
         self.energy
     }
 
-    /// The row of a facet in a side's Gram matrix.
+    /// The row of active facet `i` in a side's Gram matrix.
     pub fn row(&self, side: usize, i: usize) -> &[f64] {
         &self.gram[side][i * self.len()..][..self.len()]
     }
@@ -156,7 +156,7 @@ impl Active {
         }
     }
 
-    /// Takes what a change of one facet explains out of the correlations.
+    /// Subtracts what a change of one facet's light explains from the correlations.
     fn spread(&self, point: &mut Point, i: usize, change: Pair) {
         for (s, (correlations, change)) in point.correlations.iter_mut().zip(change).enumerate() {
             take_out(correlations, self.row(s, i), change);
@@ -180,7 +180,7 @@ impl Active {
         data + penalty
     }
 
-    /// By how much the objective is lower at `to` than at `from`, without the cancellation of two objectives' difference:
+    /// How much lower the objective is at `to` than at `from`, without the cancellation of subtracting two objectives:
     /// ½‖r‖² − ½‖r'‖² = ⟨x' − x, (z + z')/2⟩.
     pub fn fall(&self, from: &Point, to: &Point) -> f64 {
         let mut fall = 0.0;
@@ -193,7 +193,7 @@ impl Active {
         fall
     }
 
-    /// The largest violation of the optimality conditions of the facets that have light.
+    /// The largest violation of a first-order condition among the facets with light, as a share of λ w_n.
     pub fn residual(&self, point: &Point) -> f64 {
         (0..self.len())
             .filter(|&i| lit(&point.light[i]))
@@ -231,7 +231,7 @@ impl Active {
 }
 
 impl Point {
-    /// Room for `n` facets.
+    /// A workspace for `n` facets.
     pub fn with_capacity(n: usize) -> Self {
         Self { light: Vec::with_capacity(n), correlations: planes(n) }
     }
@@ -241,7 +241,7 @@ fn planes(n: usize) -> Planes {
     [0, 1].map(|_| [0, 1, 2].map(|_| Vec::with_capacity(n)))
 }
 
-/// The objective's part that depends on one facet.
+/// The part of the objective that depends on one facet.
 fn local_cost(i: &Intensity, g: &Pair, energy: [f64; 2], lambda: f64) -> f64 {
     let dot = |g: &[f64; 3]| (0..3).map(|p| g[p] * i.colour[p]).sum::<f64>();
     0.5 * (energy[0] * i.left * i.left + energy[1] * i.right * i.right) - i.left * dot(&g[0]) - i.right * dot(&g[1])

@@ -10,26 +10,28 @@ use super::solution::{Limits, Solution, Start};
 use super::{Admissible, Solver};
 use crate::scene::Intensity;
 
-/// How good a solution is among what else can be found: slow, for tests and offline use.
+/// How a solution compares with others that can be found. Slow; for tests and offline use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Audit {
     /// Random starts tried.
     pub starts: usize,
-    /// The lowest objective that any of them led to.
+    /// The lowest objective found from these starts, the empty map and the relaxation.
     pub best: f64,
-    /// The share of them that led to within 0.1 % of the lowest.
+    /// The share of the random starts that led to within 0.1 % of the lowest.
     pub agreeing: f64,
-    /// The lowest objective found with two lights of different colour and balance allowed in each facet: the problem without
-    /// the constraint on X_n's rank, λ Σ Ω(X_n) in place of λ Σ ‖c_n‖, with Ω the least Σ ‖c‖ of admissible lights that add
-    /// up to X_n. That is the tightest convex relaxation of eq. 13, and [`Solution::bound`] the dual of it.
+    /// The lowest objective found if each facet may have two lights of different colour and balance. This is the
+    /// problem without the constraint on X_n's rank: λ Σ Ω(X_n) replaces λ Σ ‖c_n‖, with Ω the least Σ ‖c‖ of
+    /// admissible lights that add up to X_n. It is the tightest convex relaxation of eq. 13, and [`Solution::bound`] is
+    /// its dual.
     pub two_lights: f64,
-    /// The objective that a start from the relaxation leads to, each facet's lights replaced by the one nearest to them.
+    /// The objective reached from the relaxation, with each facet's two lights replaced by the nearest single one.
     pub from_two_lights: f64,
-    /// Lower bound on all of these, the largest one found.
+    /// The largest lower bound found on all of these.
     pub bound: f64,
 }
 
-/// Solves a frame again from `starts` random starts, reproducibly, once with every facet doubled, and once from there.
+/// Solves a frame again: from the empty map, from `starts` reproducible random starts, with every facet doubled, and
+/// from that solution.
 pub fn audit(solver: &Solver, frame: &Correlations, lambda: f64, limits: Limits, starts: usize) -> Audit {
     let mut random = ChaCha8Rng::seed_from_u64(starts as u64);
     let typical = solver.lambda_max(frame);
@@ -66,7 +68,7 @@ pub fn audit(solver: &Solver, frame: &Correlations, lambda: f64, limits: Limits,
     }
 }
 
-/// The admissible light nearest to the sum X of two: with unit c and v of the largest ⟨c vᵀ, X⟩, that times c vᵀ.
+/// The admissible light nearest to the sum X of two: ⟨c vᵀ, X⟩ c vᵀ with the unit c and v that maximise ⟨c vᵀ, X⟩.
 fn nearest(kind: Admissible, a: &Intensity, b: &Intensity) -> Intensity {
     let (x, y) = (rank_one(a), rank_one(b));
     let sum: Pair = [0, 1].map(|s| [0, 1, 2].map(|p| x[s][p] + y[s][p]));
@@ -78,7 +80,7 @@ fn nearest(kind: Admissible, a: &Intensity, b: &Intensity) -> Intensity {
     Intensity { left: strength * cos, right: strength * sin, colour }
 }
 
-/// One facet in five with a light of random balance and colour, about as strong as the strongest facet alone would be.
+/// Lights one facet in five, with random balance and colour, about as strong as the strongest facet would be alone.
 fn random_light(solver: &Solver, n: usize, typical: f64, random: &mut ChaCha8Rng) -> Intensity {
     let mut normal = || -> f64 { StandardNormal.sample(random) };
     let (strength, left, right) = (normal(), normal(), normal());
@@ -101,7 +103,7 @@ fn random_light(solver: &Solver, n: usize, typical: f64, random: &mut ChaCha8Rng
     Intensity { left: scale * left, right: scale * right, colour: colour.map(|v| v / norm) }
 }
 
-/// The correlations of a problem in which every facet is there twice.
+/// The correlations of the problem in which every facet is present twice.
 fn doubled(frame: &Correlations) -> Correlations {
     let rhs = [0, 1].map(|s| [0, 1, 2].map(|p| [frame.rhs[s][p].as_slice(), &frame.rhs[s][p]].concat()));
     Correlations::new(rhs, frame.energy)

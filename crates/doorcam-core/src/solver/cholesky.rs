@@ -1,34 +1,34 @@
-//! Solving with a symmetric matrix that should be positive definite, in place.
+//! Solves linear systems with a symmetric positive definite matrix in place.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
 use faer::linalg::cholesky::llt::solve::solve_in_place;
 use faer::{MatMut, Par, Spec};
 
-/// Diagonal entries below this share of the largest are scaled as if they were so large.
+/// Diagonal entries below this share of the largest are scaled as if they were this large.
 const LEAST: f64 = 1e-12;
 
-/// Room for a factorisation.
+/// Workspace for a factorisation.
 pub(super) struct Cholesky {
     scratch: MemBuffer,
-    /// One over the root of the diagonal.
+    /// One over the square root of the diagonal.
     scale: Vec<f64>,
 }
 
 impl Cholesky {
-    /// Room for matrices of up to `n` rows; a larger one makes it grow.
+    /// A workspace for matrices of up to `n` rows; it grows for a larger one.
     pub fn with_capacity(n: usize) -> Self {
         Self { scratch: scratch(n), scale: Vec::with_capacity(n) }
     }
 
-    /// Solves M x = b, with M's lower triangle column by column in `matrix` and b in `x`; false, and `x` of no use, if M is
-    /// not positive definite. `matrix` is used up.
+    /// Solves M x = b, with M's lower triangle column by column in `matrix` and b in `x`. Returns false, and leaves `x`
+    /// meaningless, if M is not positive definite. Overwrites `matrix`.
     pub fn solve(&mut self, matrix: &mut [f64], x: &mut [f64]) -> bool {
         let n = x.len();
         if self.scale.capacity() < n {
             *self = Self::with_capacity(n);
         }
-        // A diagonal of ones cures much of a bad condition.
+        // Scaling the diagonal to ones removes much of the ill-conditioning.
         let diagonal = || (0..n).map(|i| matrix[i * n + i].abs());
         let least = (LEAST * diagonal().fold(0.0, f64::max)).max(f64::MIN_POSITIVE);
         self.scale.clear();

@@ -10,73 +10,75 @@ use super::solution::{Limits, Solution, Start};
 use super::stationarity::violation;
 use crate::scene::Intensity;
 
-/// A facet wants a second light if its dual norm exceeds λ by this share: by less, it may be rounding.
+/// A facet wants a second light if its dual norm exceeds λ by this share; less may be rounding error.
 const SECOND: f64 = 1e-6;
 
-/// A fall of the objective by less than this share of it is no progress.
+/// A fall of the objective by less than this share is no progress.
 const STILL: f64 = 1e-12;
 
-/// Progress is slow if the objective falls by less than this share of it: Newton's step then does better than a sweep, and
-/// facets that are missing do better than either.
+/// Progress is slow if the objective falls by less than this share. Newton's step then does better than a sweep, and
+/// adding missing facets does better than either.
 const SLOW: f64 = 1e-3;
 
 /// Violation of a first-order condition, as a share of λ, that is small enough to look for missing facets.
 const ROUGH: f64 = 0.1;
 
-/// How much better than the dark facets the ones with light are made to meet their conditions before facets enter.
+/// Before more facets enter, the residual of those with light is brought down to this share of the largest excess of a
+/// dark one.
 const AHEAD: f64 = 0.1;
 
-/// By how much the violation is brought down, when no facet is missing, before it is asked again whether one is.
+/// If no facet is missing, the residual is reduced by this factor before missing facets are looked for again.
 const CHECK: f64 = 0.01;
 
-/// Dark facets that enter at once at most.
+/// Most dark facets that enter at once.
 const AT_ONCE: usize = 8;
 
-/// A dark facet waits if it exceeds λ by less than this share of what the first one that entered with it did.
+/// A dark facet waits if its excess over λ is below this share of the largest excess among those that enter.
 const FAINT: f64 = 0.3;
 
-/// Descends on eq. 13: Newton's steps on all facets with light at once converge; where they do not go smoothly, exact
-/// minimisers facet by facet find out which facets have light and what is at its bound. Dark facets enter a few at a time.
+/// Descends on eq. 13. Newton's steps on all facets with light at once give convergence. Where they are not smooth,
+/// exact minimisers facet by facet find out which facets have light and what is at its bound. Dark facets enter a few
+/// at a time.
 #[derive(Debug, Clone)]
 pub struct Solver {
     gram: [DMatrix<f64>; 2],
     admissible: Vec<Admissible>,
     weights: Vec<f64>,
-    /// Whether all facets are of the signed kind.
+    /// Whether all facets are [`Admissible::Signed`].
     signed: bool,
 }
 
-/// Room for a solve, to be used again: with it, a solve allocates nothing.
+/// Reusable workspace, so that a solve allocates nothing.
 #[derive(Debug, Clone)]
 pub struct Workspace {
     /// Aᵀr for all facets.
     correlations: Planes,
-    /// Per facet, the dual norm of its correlations, or an upper bound of it where that is at most λ w_n.
+    /// Per facet, the dual norm of its correlations, or an upper bound on it that is at most λ w_n.
     dual: Vec<f64>,
     active: Active,
     point: Point,
     newton: Newton,
-    /// How many of the facets in play, the last ones, have just entered.
+    /// Number of active facets that have just entered; they are the last ones.
     fresh: usize,
 }
 
-/// What a descent over the facets in play did.
+/// The result of a descent over the active facets.
 struct Settled {
     /// The value of eq. 13.
     objective: f64,
-    /// The largest violation of a first-order condition of the facets with light, as a share of λ.
+    /// The largest violation of a first-order condition among the facets with light, as a share of λ.
     residual: f64,
 }
 
 impl Solver {
-    /// For the Gram matrices of the left and right side and each facet's admissible set.
+    /// A solver for the Gram matrices of the left and right side (N x N each) and each facet's admissible set.
     pub fn new(gram: [DMatrix<f64>; 2], admissible: Vec<Admissible>) -> Self {
         let weights = vec![1.0; admissible.len()];
         let signed = admissible.iter().all(|&kind| kind == Admissible::Signed);
         Self { gram, admissible, weights, signed }
     }
 
-    /// With the penalty λ Σ w_n ‖c_n‖; the weights are positive, 1 without this.
+    /// Sets the penalty to λ Σ w_n ‖c_n‖ with positive weights; the default is 1.
     pub fn with_weights(self, weights: Vec<f64>) -> Self {
         Self { weights, ..self }
     }
@@ -86,7 +88,7 @@ impl Solver {
         self.admissible.len()
     }
 
-    /// What facet `n` may be.
+    /// The admissible set of facet `n`.
     pub(super) fn admissible(&self, n: usize) -> Admissible {
         self.admissible[n]
     }
@@ -106,7 +108,8 @@ impl Solver {
         self.gram.iter().map(|gram| gram[(n, n)]).sum::<f64>() / 2.0
     }
 
-    /// The same problem with every facet there twice: two lights of different colour and balance may share a place.
+    /// The same problem with every facet present twice, so that two lights of different colour and balance may share a
+    /// place.
     pub(super) fn doubled(&self) -> Self {
         let n = self.facets();
         let gram = |g: &DMatrix<f64>| DMatrix::from_fn(2 * n, 2 * n, |i, j| g[(i % n, j % n)]);
@@ -118,7 +121,7 @@ impl Solver {
         }
     }
 
-    /// Room for [`Solver::solve_into`].
+    /// A workspace for [`Solver::solve_into`].
     pub fn workspace(&self) -> Workspace {
         let n = self.admissible.len();
         Workspace {
@@ -131,14 +134,14 @@ impl Solver {
         }
     }
 
-    /// The smallest λ with an empty map.
+    /// λ_max, the smallest λ with an empty map.
     pub fn lambda_max(&self, frame: &Correlations) -> f64 {
         (0..self.admissible.len())
             .map(|n| self.admissible[n].dual_norm(&pair(&frame.rhs, n)) / self.weights[n])
             .fold(0.0, f64::max)
     }
 
-    /// [`Solver::solve_into`] with room of its own, from `start` or from the empty map without one.
+    /// [`Solver::solve_into`] with a workspace of its own, from `start` if given, otherwise from the empty map.
     pub fn solve(&self, frame: &Correlations, lambda: f64, limits: Limits, start: Option<&Solution>) -> Solution {
         let mut solution = start.cloned().unwrap_or_default();
         let from = if start.is_some() { Start::Previous } else { Start::Empty };
@@ -146,7 +149,7 @@ impl Solver {
         solution
     }
 
-    /// Descends to a stationary point and puts it into `solution`.
+    /// Descends to a stationary point of eq. 13 and puts it into `solution`.
     pub fn solve_into(
         &self,
         frame: &Correlations,
@@ -171,7 +174,8 @@ impl Solver {
             self.enter_none(work, solution);
             settled = self.settle(frame, lambda, limits, ROUGH, work, solution);
         }
-        // A facet may want light by so little that lighting it changes nothing: then the others are settled first.
+        // A dark facet may exceed λ by so little that lighting it changes nothing. Then no facet enters until the
+        // others settle.
         let (mut closed, mut stuck) = (false, false);
         loop {
             self.correlate(frame, lambda, work, solution);
@@ -192,7 +196,7 @@ impl Solver {
         self.certify(frame, lambda, work, solution);
     }
 
-    /// Computes all facets' correlations at the solution and their dual norms.
+    /// Computes the correlations of all facets at the solution, and their dual norms.
     fn correlate(&self, frame: &Correlations, lambda: f64, work: &mut Workspace, solution: &Solution) {
         for (correlations, rhs) in work.correlations.iter_mut().flatten().zip(frame.rhs.iter().flatten()) {
             correlations.clone_from(rhs);
@@ -217,7 +221,7 @@ impl Solver {
         }
     }
 
-    /// Puts the facets that have light into play, and no others; returns 0, for none of those wants to enter.
+    /// Activates the facets that have light and no others. Returns 0, the excess if no facet enters.
     fn enter_none(&self, work: &mut Workspace, solution: &Solution) -> f64 {
         work.fresh = 0;
         work.active.facets.clear();
@@ -225,9 +229,9 @@ impl Solver {
         0.0
     }
 
-    /// Puts the facets that have light into play, and lights the dark ones that want it most, each as it would be best
-    /// alone: the strongest ones usually explain what made the others want light. Returns by how much the one that wanted
-    /// it most exceeded λ, as a share of it.
+    /// Activates the facets that have light, and lights the dark ones that exceed λ most, one after the other, each
+    /// with its minimiser: the strongest ones usually explain why the others wanted light. Returns the largest excess
+    /// over λ of one that entered, as a share of λ.
     fn enter(&self, lambda: f64, limits: Limits, work: &mut Workspace, solution: &mut Solution) -> f64 {
         let mut most = self.enter_none(work, solution);
         while work.fresh < AT_ONCE {
@@ -257,8 +261,8 @@ impl Solver {
         most
     }
 
-    /// Descends over the facets in play until none that has light violates a condition by more than `target`, or until
-    /// other facets are needed.
+    /// Descends over the active facets until none with light violates a condition by more than `target`, or until other
+    /// facets are needed.
     fn settle(
         &self,
         frame: &Correlations,
@@ -274,7 +278,7 @@ impl Solver {
         point.light.extend(active.facets.iter().map(|&n| solution.intensities[n]));
         active.correlate(point);
         let mut residual = f64::INFINITY;
-        // Light of the frame before is a guess: which of it is still there?
+        // Light from the previous frame is a guess; a sweep finds out which of it remains.
         let mut sweep = solution.sweeps == 0 && *fresh == 0;
         loop {
             if solution.sweeps >= limits.sweeps {
@@ -292,7 +296,8 @@ impl Solver {
             let step = newton.step(active, point);
             solution.sweeps += 1;
             let objective = active.objective(point);
-            // Newton's last steps change the objective by less than its rounding: no step at all is the end.
+            // Newton's last steps change the objective by less than its rounding error, so only the lack of any step
+            // ends this.
             let over = sweep && step.is_none() && fall <= STILL * objective;
             fall += step.map_or(0.0, |step| step.fall);
             residual = active.residual(point);
@@ -308,7 +313,7 @@ impl Solver {
         Settled { objective: active.objective(point), residual }
     }
 
-    /// Fills in what is known about the solution.
+    /// Fills in the solution's objective, residual and bound.
     fn certify(&self, frame: &Correlations, lambda: f64, work: &Workspace, solution: &mut Solution) {
         let (mut explained, mut left_over, mut penalty, mut residual) = (0.0, 0.0, 0.0, 0.0_f64);
         // max over facets of dual norm / (λ w_n).
@@ -340,8 +345,8 @@ impl Solver {
     }
 }
 
-/// The dual objective s⟨y, r⟩ − ½ s²‖r‖² at the residual scaled by the largest s that keeps every facet's dual norm at most
-/// λ w_n (and at most the best s); `largest` is max_n of dual norm / (λ w_n) at the residual itself.
+/// The dual objective s⟨y, r⟩ − ½ s²‖r‖² at the scaled residual s r. s is the best value, or if smaller, the largest
+/// that keeps every facet's dual norm at most λ w_n. `largest` is max_n of dual norm / (λ w_n) at the residual itself.
 fn dual_bound(y_r: f64, r2: f64, largest: f64) -> f64 {
     if r2 <= 0.0 {
         return 0.0;

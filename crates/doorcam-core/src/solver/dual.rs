@@ -1,15 +1,15 @@
 //! The dual norm of one facet: Ω°(g) = max over admissible unit c and v of ⟨c vᵀ, g⟩ = max over admissible φ of h(φ).
 //!
-//! Where the colours in a set S are positive, h² = cᵀ M_S c with M_S = Σ_{p in S} g^p g^pᵀ, g^p = (g_L^p, g_R^p). h² has a
-//! continuous derivative, so its largest value is at the leading eigenvector of one of the M_S or at an end of the range
-//! of φ. Every one of these directions is admissible, so trying them all is exact: no scan is needed.
+//! Where the colours in a set S are positive, h² = cᵀ M_S c with M_S = Σ_{p in S} g^p g^pᵀ, g^p = (g_L^p, g_R^p). h²
+//! has a continuous derivative, so its maximum is at the leading eigenvector of one of the M_S or at an end of the
+//! range of φ. All these directions are admissible, so trying each of them is exact and no scan is needed.
 
 use pulp::{Simd, WithSimd};
 
 use super::active::Planes;
 use super::facet::{Admissible, Pair};
 
-/// The dual norm, and (sin φ, cos φ) where it is reached.
+/// The dual norm, and (sin φ, cos φ) where it is attained.
 pub(super) fn dual_direction(kind: Admissible, pair: &Pair) -> (f64, (f64, f64)) {
     let mut best = (0.0, (0.0, 1.0));
     let mut consider = |direction: (f64, f64)| {
@@ -21,7 +21,7 @@ pub(super) fn dual_direction(kind: Admissible, pair: &Pair) -> (f64, (f64, f64))
     let quadrant = kind.light_is_nonnegative();
     consider((0.0, 1.0));
     consider((1.0, 0.0));
-    // Without v >= 0, all colours count everywhere.
+    // Without v >= 0, all colours count at every φ.
     let sets = if kind.colour_is_nonnegative() { 1..8 } else { 7..8 };
     for set in sets {
         let (sin, cos) = leading(pair, set);
@@ -35,18 +35,18 @@ pub(super) fn dual_direction(kind: Admissible, pair: &Pair) -> (f64, (f64, f64))
     (best.0.sqrt(), best.1)
 }
 
-/// The dual norm if it is above `lambda`, else an upper bound of it that is at most `lambda`: what is needed to tell
-/// whether a dark facet wants light, at a fraction of the price for most of them.
+/// The dual norm if it is above `lambda`, otherwise an upper bound on it that is at most `lambda`. This is enough to
+/// tell whether a dark facet wants light, and much cheaper for most facets.
 pub(super) fn dual_norm_above(kind: Admissible, pair: &Pair, lambda: f64) -> f64 {
-    // (cos φ g_L + sin φ g_R)₊ <= cos φ g_L₊ + sin φ g_R₊ for φ in the first quadrant; ‖·‖ of that by Cauchy-Schwarz.
+    // (cos φ g_L + sin φ g_R)₊ <= cos φ g_L₊ + sin φ g_R₊ for φ in the first quadrant; then ‖·‖ by Cauchy-Schwarz.
     let floor = if kind == Admissible::Brighter { 0.0 } else { f64::NEG_INFINITY };
     let most = pair.iter().flatten().map(|x| x.max(floor).powi(2)).sum::<f64>().sqrt();
     if most <= lambda { most } else { kind.dual_norm(pair) }
 }
 
-/// The dual norm where v may have any sign and c_L, c_R >= 0: h² is then cᵀ M c with one M = [ll lr; lr rr] for all c, and
-/// its largest value over the quadrant is M's larger eigenvalue, whose eigenvector is in the quadrant if lr >= 0, or else
-/// is at one of the quadrant's ends.
+/// The dual norm where v may have any sign and c_L, c_R >= 0. Then h² = cᵀ M c with the same M = [ll lr; lr rr] for all
+/// c. If lr >= 0, M's leading eigenvector is in the quadrant and the maximum of h² is its eigenvalue; otherwise the
+/// maximum is at one of the quadrant's ends.
 #[inline(always)]
 pub(super) fn signed_dual_norm([left, right]: &Pair) -> f64 {
     let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -55,7 +55,7 @@ pub(super) fn signed_dual_norm([left, right]: &Pair) -> f64 {
     (if lr > 0.0 { turned } else { ll.max(rr) }).sqrt()
 }
 
-/// [`signed_dual_norm`] of many facets, with the widest registers there are.
+/// [`signed_dual_norm`] of many facets, with the widest available vector registers.
 pub(super) struct SignedDualNorms<'a> {
     pub correlations: &'a Planes,
     pub out: &'a mut [f64],
@@ -81,7 +81,7 @@ fn leading(pair: &Pair, set: usize) -> (f64, f64) {
         let (l, r) = (pair[0][p], pair[1][p]);
         (ll, lr, rr) = (ll + l * l, lr + l * r, rr + r * r);
     }
-    // Half the angle of (ll − rr, 2 lr), by the half-angle formula that does not cancel.
+    // Half the angle of (ll − rr, 2 lr), by the half-angle formula without cancellation.
     let (x, y) = (ll - rr, 2.0 * lr);
     let r = (x * x + y * y).sqrt();
     if r == 0.0 {
@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(1000))]
+        #![proptest_config(crate::testing::cases(1000))]
         #[test]
         fn no_angle_of_a_fine_lattice_has_a_larger_h(
             pair in prop::array::uniform2(prop::array::uniform3(prop_oneof![-1.0..1.0f64, Just(0.0)])),

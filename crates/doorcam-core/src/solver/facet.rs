@@ -1,10 +1,10 @@
-//! The exact minimiser of eq. 13 over one facet's (c_n, v_n), all else fixed.
+//! The exact minimiser of eq. 13 over one facet's (c_n, v_n) with all else fixed.
 //!
-//! With the residual's correlations g_s = A_snᵀ r_s (3-vectors; r without this facet's own light) and the column energies
-//! a_s = ‖A_sn‖², write c = ρ (cos φ, sin φ), ρ >= 0. For given φ the best unit colour v is along
-//! g(φ) = cos φ g_L + sin φ g_R, or along its positive part where v >= 0 is asked for, and with h(φ) = ‖g(φ)‖ (‖g(φ)₊‖)
-//! the best ρ is (h − λ)₊ / d(φ), d = a_L cos²φ + a_R sin²φ. The objective falls by ½ (h − λ)₊² / d: one function of one
-//! angle is left to maximise.
+//! With the residual's correlations g_s = A_snᵀ r_s (3-vectors; r without this facet's own light) and the column
+//! energies a_s = ‖A_sn‖², write c = ρ (cos φ, sin φ), ρ >= 0. For a given φ, the best unit colour v is along
+//! g(φ) = cos φ g_L + sin φ g_R, or along its positive part where v >= 0 is required. With h(φ) = ‖g(φ)‖ (or ‖g(φ)₊‖),
+//! the best ρ is (h − λ)₊ / d(φ), d = a_L cos²φ + a_R sin²φ, and the objective falls by ½ (h − λ)₊² / d. What remains
+//! is to maximise a function of one angle.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::LazyLock;
@@ -23,57 +23,57 @@ pub enum Admissible {
     Signed,
 }
 
-/// Correlations (g_L, g_R) of one facet: per side, three colours.
+/// Correlations (g_L, g_R) of one facet: per side, one value per colour.
 pub type Pair = [[f64; 3]; 2];
 
-/// Intervals a quarter turn is scanned in before the best bracket is refined.
+/// Number of intervals in which a quarter turn is scanned before the best bracket is refined.
 const SCAN: usize = 12;
 
 /// (sin, cos) of the scanned angles of a whole turn.
 static SCANNED: LazyLock<[(f64, f64); 4 * SCAN + 1]> =
     LazyLock::new(|| std::array::from_fn(|k| (k as f64 * TAU / (4 * SCAN) as f64).sin_cos()));
 
-/// Scanned peaks of at least this share of the largest are refined: a narrow one may be higher than it looks.
+/// Scanned peaks of at least this share of the largest are refined, since a narrow one may be higher than its samples.
 const CONTENDER: f64 = 0.7;
 
-/// Steps of the refinement at most.
+/// Most steps of the refinement.
 const REFINE: usize = 40;
 
-/// The refinement stops at brackets of this width (radians): the fall of the objective is flat there to rounding.
+/// The refinement stops at brackets of this width, in radians: within it, the objective is flat up to rounding.
 const FLAT: f64 = 1e-10;
 
 impl Admissible {
-    /// Whether v >= 0 is asked for.
+    /// Whether v >= 0 is required.
     pub fn colour_is_nonnegative(self) -> bool {
         matches!(self, Admissible::Brighter | Admissible::EitherSign)
     }
 
-    /// Whether c_L, c_R >= 0 is asked for.
+    /// Whether c_L, c_R >= 0 is required.
     pub fn light_is_nonnegative(self) -> bool {
         matches!(self, Admissible::Brighter | Admissible::Signed)
     }
 
-    /// g(φ), or its positive part where v >= 0 is asked for: the best colour's direction, and h(φ) its length.
+    /// g(φ), or its positive part where v >= 0 is required. Its direction is the best colour, its length is h(φ).
     pub(super) fn colour(self, pair: &Pair, (sin, cos): (f64, f64)) -> [f64; 3] {
         let floor = if self.colour_is_nonnegative() { 0.0 } else { f64::NEG_INFINITY };
         std::array::from_fn(|p| (cos * pair[0][p] + sin * pair[1][p]).max(floor))
     }
 
-    /// max over admissible unit c and v of ⟨c vᵀ, g⟩: the facet stays dark if and only if this is at most λ.
+    /// max over admissible unit c and v of ⟨c vᵀ, g⟩. The facet stays dark if and only if this is at most λ.
     pub fn dual_norm(self, pair: &Pair) -> f64 {
         if self == Admissible::Signed { signed_dual_norm(pair) } else { dual_direction(self, pair).0 }
     }
 
-    /// The facet's exact minimiser; zero if the facet is better dark.
+    /// The facet's exact minimiser; zero if a dark facet is better.
     ///
     /// `pair` are the correlations without the facet's own light, `energy` is (a_L, a_R).
     pub fn minimise(self, pair: &Pair, energy: [f64; 2], lambda: f64) -> Intensity {
-        // ‖g(φ)‖² <= ‖g_L‖² + ‖g_R‖²: most dark facets are told here.
+        // ‖g(φ)‖² <= ‖g_L‖² + ‖g_R‖² identifies most dark facets cheaply.
         let most = pair.iter().flatten().map(|x| x * x).sum::<f64>();
         if most <= lambda * lambda || (energy[0] <= 0.0 && energy[1] <= 0.0) {
             return Intensity::default();
         }
-        // A side that sees nothing of the facet has no say; keep d away from 0 for angles that point to it.
+        // A side that does not see the facet has energy 0; keep d above 0 at angles that point to it.
         let floor = 1e-12 * energy[0].max(energy[1]);
         let gain = Gain { kind: self, pair, energy: energy.map(|a| a.max(floor)), lambda };
         let Some((sin, cos)) = gain.best() else {
@@ -86,7 +86,7 @@ impl Admissible {
     }
 }
 
-/// The function of the angle that a facet maximises.
+/// The function of the angle φ that a facet maximises.
 struct Gain<'a> {
     kind: Admissible,
     pair: &'a Pair,
@@ -100,7 +100,7 @@ impl Gain<'_> {
         self.energy[0] * cos * cos + self.energy[1] * sin * sin
     }
 
-    /// The fall of the objective, times two.
+    /// Twice the fall of the objective.
     fn at(&self, direction: (f64, f64)) -> f64 {
         let h2 = self.kind.colour(self.pair, direction).iter().map(|g| g * g).sum::<f64>();
         if h2 <= self.lambda * self.lambda {
@@ -147,23 +147,23 @@ impl Gain<'_> {
                 .reduce(|best, next| if next.1 > best.1 { next } else { best })?
                 .0
         } else {
-            // A gain can hide between two scanned angles only around the angle of the largest h.
+            // The scan can miss a gain only near the angle of the largest h.
             let (h, (sin, cos)) = dual_direction(self.kind, self.pair);
             if h <= self.lambda {
                 return None;
             }
             climb_from(sin.atan2(cos))
         };
-        // cos(π/2) is not quite zero, but a facet that only the right patch sees has c_L = 0.
+        // cos(π/2) is not exactly zero in floating point, but a facet that only the right patch sees has c_L = 0.
         if !closed && phi >= FRAC_PI_2 { Some((1.0, 0.0)) } else { Some(phi.sin_cos()) }
     }
 
-    /// The maximum in [low, high] around `inside`, where the gain is positive: the slope's sign change, by false position
-    /// (the Illinois way: halve the stale end's value, so that both ends move).
+    /// The maximum in [low, high] around `inside`, where the gain is positive. Finds the slope's sign change by false
+    /// position, in the Illinois variant: halving the stale end's value makes both ends move.
     fn climb(&self, low: f64, inside: f64, high: f64) -> f64 {
         let up = self.slope(inside).unwrap_or(0.0) >= 0.0;
         let (mut a, mut b) = if up { (inside, high) } else { (low, inside) };
-        // Where the gain is zero, the maximum is back towards `inside`.
+        // Where the gain is zero, the maximum lies back towards `inside`.
         let rising = |phi: f64| self.slope(phi).unwrap_or(if up { -1.0 } else { 1.0 });
         let (mut fa, mut fb) = (rising(a), rising(b));
         if up && fb >= 0.0 {
@@ -206,7 +206,7 @@ mod tests {
 
     use super::*;
 
-    /// ½ (a_L c_L² + a_R c_R²) − c_L g_L·v − c_R g_R·v + λ ‖c‖, the objective's part that depends on the facet.
+    /// ½ (a_L c_L² + a_R c_R²) − c_L g_L·v − c_R g_R·v + λ ‖c‖, the part of the objective that depends on the facet.
     fn cost(i: &Intensity, pair: &Pair, energy: [f64; 2], lambda: f64) -> f64 {
         let dot = |g: &[f64; 3]| (0..3).map(|p| g[p] * i.colour[p]).sum::<f64>();
         0.5 * (energy[0] * i.left * i.left + energy[1] * i.right * i.right)
@@ -229,8 +229,8 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(400))]
-        /// Against brute force over a fine lattice of angles, with v and ρ from their own closed forms evaluated literally.
+        #![proptest_config(crate::testing::cases(400))]
+        /// Compares with brute force over a fine lattice of angles, with v and ρ from their closed forms.
         #[test]
         fn no_admissible_point_is_better(
             left in side(), right in side(), a in energy(), b in energy(), lambda in 0.01..1.2f64, kind in kind(),
@@ -252,7 +252,7 @@ mod tests {
                 let rho = ((h - lambda) / (a * cos * cos + b * sin * sin)).max(0.0);
                 let other = Intensity { left: rho * cos, right: rho * sin, colour: g.map(|x| x / h) };
                 let theirs = cost(&other, &pair, [a, b], lambda);
-                // Two peaks within one interval of the scan are rare and then nearly of one height.
+                // Two peaks within one interval of the scan are rare, and then have nearly the same height.
                 prop_assert!(ours <= theirs + 1e-3 * theirs.abs(), "{found:?} {ours} {other:?} {theirs}");
             }
         }

@@ -11,11 +11,11 @@ pub enum Lambda {
 }
 
 impl Lambda {
-    /// What the authors used on most of their laboratory measurements.
+    /// The value that the authors used for most of their laboratory measurements.
     pub const PUBLISHED: f64 = 0.05;
 }
 
-/// λ as it stands in a file.
+/// λ as written in a file.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
 enum LambdaText {

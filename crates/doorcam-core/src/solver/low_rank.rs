@@ -1,13 +1,13 @@
 use faer::{MatRef, Side};
 use nalgebra::{Cholesky, DMatrix};
 
-/// Every column of U C differs from its column of A by at most this share of its norm: less than what the noise of a
-/// camera or an error of a millimetre in the doorway's width does to it.
+/// Every column of U C differs from that of A by at most this share of its norm. Camera noise, or an error of a
+/// millimetre in the doorway's width, changes it more.
 const TOLERANCE: f64 = 1e-4;
-/// Singular values below this share of the largest are rounding errors.
+/// Singular values below this share of the largest are rounding error.
 const ROUNDING: f64 = 1e-7;
 
-/// A matrix of nearly low rank as U C: U has r orthonormal columns, C = UᵀA is r x N.
+/// A matrix of nearly low rank, factored as U C: U has r orthonormal columns, C = UᵀA is r x N.
 pub(super) struct LowRank {
     /// U, M x r.
     pub basis: DMatrix<f64>,
@@ -16,12 +16,12 @@ pub(super) struct LowRank {
 }
 
 impl LowRank {
-    /// From the eigenvectors V of AᵀA, which is small: the first r columns of A V, made orthonormal.
+    /// Uses the eigenvectors V of AᵀA, which is small: U is the first r columns of A V, made orthonormal.
     pub fn new(matrix: &DMatrix<f64>) -> Self {
         let transposed = matrix.transpose();
         let eigen = Eigen::new(&(&transposed * matrix));
         let mut basis = matrix * eigen.vectors.columns(0, rank(matrix, &eigen));
-        // Small singular values come with large relative errors; twice brings what is left of them down to rounding.
+        // Small singular values have large relative errors; the second pass reduces the rest to rounding.
         orthonormalise(&mut basis);
         orthonormalise(&mut basis);
         let core = basis.transpose() * matrix;
@@ -39,7 +39,8 @@ impl Eigen {
     fn new(matrix: &DMatrix<f64>) -> Self {
         let n = matrix.nrows();
         let view = MatRef::from_column_major_slice(matrix.as_slice(), n, n);
-        // faer's is several times as fast as nalgebra's. It fails on values that are not finite only; nothing is then kept.
+        // faer is several times as fast here as nalgebra. It fails only on values that are not finite; nothing is kept
+        // then.
         match view.self_adjoint_eigen(Side::Lower) {
             Ok(eigen) => Self {
                 values: (0..n).rev().map(|k| eigen.S()[k]).collect(),
@@ -50,8 +51,8 @@ impl Eigen {
     }
 }
 
-/// How many of the strongest directions leave no column with more than the tolerance, judged by the eigenvalues λ: column n
-/// has λ_k V_nk² along direction k.
+/// The number of strongest directions after which the rest of every column is within the tolerance, judged by the
+/// eigenvalues λ: along direction k, column n has the squared norm λ_k V_nk².
 fn rank(matrix: &DMatrix<f64>, eigen: &Eigen) -> usize {
     let norms: Vec<f64> = matrix.column_iter().map(|c| c.norm_squared()).collect();
     let mut left = norms.clone();
@@ -68,14 +69,14 @@ fn rank(matrix: &DMatrix<f64>, eigen: &Eigen) -> usize {
     eigen.values.len()
 }
 
-/// Makes columns that are nearly orthogonal orthonormal: with BᵀB = L Lᵀ, B becomes B L⁻ᵀ.
+/// Makes nearly orthogonal columns orthonormal: with BᵀB = L Lᵀ, B becomes B L⁻ᵀ.
 fn orthonormalise(basis: &mut DMatrix<f64>) {
     for mut column in basis.column_iter_mut() {
         let norm = column.norm();
         column /= norm;
     }
     if let Some(factor) = Cholesky::new(basis.transpose() * &*basis) {
-        // L is close to the unit matrix, so that its inverse is as exact as a solve with it, and far faster to apply.
+        // L is close to the identity, so its inverse is as accurate as a solve and much faster to apply.
         let mut inverse = DMatrix::identity(basis.ncols(), basis.ncols());
         if factor.l().solve_lower_triangular_mut(&mut inverse) {
             *basis *= inverse.transpose();
@@ -89,7 +90,7 @@ mod tests {
 
     #[test]
     fn the_factors_are_orthonormal_and_their_product_is_the_matrix() {
-        // Columns that are nearly dependent, as neighbouring facets are.
+        // Nearly dependent columns, like those of neighbouring facets.
         let matrix = DMatrix::from_fn(300, 60, |i, j| (-((i as f64 - 5.0 * j as f64) / 40.0).powi(2)).exp());
         let LowRank { basis, core } = LowRank::new(&matrix);
         assert!(basis.ncols() < 60, "rank {}", basis.ncols());

@@ -4,9 +4,9 @@
 //!
 //! λ Σ_n ‖(c_Ln, c_Rn)‖₂ + ½ Σ_p ‖ [1 0; 0 1] b^p + blkdiag(A_L, A_R) [diag c_L; diag c_R] v^p − y^p ‖²
 //!
-//! b is unpenalised: centring the columns of A_L and A_R eliminates it ([`Projection`]). What is left needs only the Gram
-//! matrices AᵀA and, per frame, Aᵀy. Each facet's exact minimiser over (c_n, v_n) with all others fixed is a search over
-//! one angle ([`facet`]); [`Solver`] descends over facets.
+//! b is unpenalised: centring the columns of A_L and A_R eliminates it ([`Projection`]). The rest needs only the Gram
+//! matrices AᵀA and, per frame, Aᵀy. For each facet, the exact minimiser over (c_n, v_n) with all others fixed is a
+//! search over one angle ([`facet`]); [`Solver`] descends over facets.
 
 mod active;
 mod audit;
@@ -23,6 +23,8 @@ mod own_picture;
 mod planes;
 mod projection;
 mod refit;
+#[cfg(test)]
+mod scalar_tests;
 mod solution;
 mod stationarity;
 mod tangent;

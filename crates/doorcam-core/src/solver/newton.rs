@@ -1,22 +1,23 @@
 //! Newton's step on all facets with light at once, along their [`Tangents`].
 //!
-//! Near a solution the facets that have light, the c_s at 0 and the colours at 0 stay what they are, and eq. 13 is smooth
-//! in the rest. Block descent is slow there because neighbouring facets look much alike; Newton's method is not. Far from
-//! it a step is cut where the first facets become dark: what it would do to the others beyond counts on their light.
+//! Near a solution, the set of facets with light, of c_s at 0 and of colours at 0 no longer changes, and eq. 13 is
+//! smooth in the rest. Block descent is slow there because neighbouring facets look much alike; Newton's method is not.
+//! Far from a solution, a step is cut where the first facets become dark: beyond that point, its effect on the other
+//! facets relies on light that is gone.
 
 use super::active::{Active, Point};
 use super::cholesky::Cholesky;
 use super::tangent::{Curvature, Tangents};
 
-/// Steps that are tried at most, each damped more than the one before.
+/// Most trial steps, each damped more than the one before.
 const TRIALS: usize = 4;
 
-/// Places along a step that are looked at at most, beside its end.
+/// Most places tried along a step, besides its end.
 const PLACES: usize = 6;
 
-/// Damping (Levenberg and Marquardt's: a share of the Hessian's diagonal that is added to it) after the first bad step,
-/// its bounds, and the factors by which it changes. A full Newton step is far too long while facets still come and go:
-/// the Hessian is nearly singular, for neighbouring facets look much alike.
+/// Levenberg-Marquardt damping, a share of the Hessian's diagonal that is added to it: its value after the first bad
+/// step, its bounds, and the factors by which it changes. While facets still come and go, a full Newton step is far too
+/// long: the Hessian is nearly singular because neighbouring facets look much alike.
 const DAMPING: Damping = Damping { first: 1e-3, least: 1e-8, most: 1.0, more: 10.0, some_more: 3.0, less: 0.1 };
 
 struct Damping {
@@ -31,22 +32,22 @@ struct Damping {
 /// A step is good if the objective falls by this share of its linear prediction.
 const GOOD: f64 = 1e-4;
 
-/// A step that keeps this share of what the quadratic model promises is taken as it is.
+/// A step that achieves this share of the fall that the quadratic model predicts is taken without a search.
 const WELL: f64 = 0.5;
 
-/// Differences of the objective below this share of ‖y‖² are rounding; the residual decides then.
+/// Differences of the objective below this share of ‖y‖² are rounding error; then the residual decides.
 const ROUNDING: f64 = 1e-15;
 
-/// A step that was taken.
+/// An accepted step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step {
     /// By how much the objective fell.
     pub fall: f64,
-    /// Whether the quadratic model was right about it: then the next step will be better still.
+    /// Whether the quadratic model predicted it well, so the next step will converge faster still.
     pub smooth: bool,
 }
 
-/// Room for Newton's step.
+/// Workspace for Newton's step.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Newton {
     tangents: Tangents,
@@ -59,9 +60,9 @@ pub(super) struct Newton {
 }
 
 impl Newton {
-    /// Room for `n` facets.
+    /// A workspace for `n` facets.
     pub fn with_capacity(n: usize) -> Self {
-        // Solutions have light in a fraction of the facets; should they have more, this grows once.
+        // Solutions have light in a fraction of the facets; the buffers grow once if there are more.
         let unknowns = 2 * n;
         Self {
             tangents: Tangents::with_capacity(n),
@@ -74,12 +75,12 @@ impl Newton {
         }
     }
 
-    /// Forgets the damping of the solve before.
+    /// Resets the damping left from the previous solve.
     pub fn reset(&mut self) {
         self.damping = 0.0;
     }
 
-    /// Moves the point if that lowers the objective; none if no step does.
+    /// Moves the point if that lowers the objective; returns none if no step does.
     pub fn step(&mut self, active: &Active, point: &mut Point) -> Option<Step> {
         self.tangents.span(active, point);
         if self.tangents.len() == 0 {
@@ -90,7 +91,7 @@ impl Newton {
             self.solve(active, point);
             let slope: f64 = self.tangents.gradient.iter().zip(&self.step).map(|(g, d)| g * d).sum();
             let (t, fall) = self.search(active, point, slope);
-            // At the very end even the fall is rounding; the residual still tells better from worse.
+            // Close to convergence even the fall is rounding error; the residual still tells better from worse.
             let good = fall >= -GOOD * t * slope
                 || (fall >= -rounding && active.residual(&self.trial) < 0.5 * active.residual(point));
             if good {
@@ -109,7 +110,7 @@ impl Newton {
         None
     }
 
-    /// Damps less after a step that did what the quadratic model promised, more after one that did not.
+    /// Damps less after a step that the quadratic model predicted well, more after one that it did not.
     fn adapt(&mut self, kept: f64) {
         if kept > 0.8 {
             self.damping *= DAMPING.less;
@@ -121,7 +122,7 @@ impl Newton {
         }
     }
 
-    /// Solves for the step: with the exact Hessian, or, where that is not positive definite, without the terms that may be
+    /// Solves for the step with the exact Hessian or, if that is not positive definite, without the terms that may be
     /// negative.
     fn solve(&mut self, active: &Active, point: &Point) {
         for (curvature, damping) in
@@ -136,8 +137,8 @@ impl Newton {
         }
     }
 
-    /// Looks along the step, at its end and where lights and colours come to their bounds; puts the best point into
-    /// `self.trial` and returns how far along it is and by how much the objective falls there.
+    /// Searches along the step, at its end and where lights and colours reach their bounds. Puts the best point into
+    /// `self.trial` and returns how far along the step it is and by how much the objective falls there.
     fn search(&mut self, active: &Active, point: &Point, slope: f64) -> (f64, f64) {
         let end = self.fall_at(active, point, 1.0);
         if end >= -0.5 * WELL * slope {

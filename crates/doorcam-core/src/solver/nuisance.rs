@@ -1,7 +1,7 @@
 use crate::geometry::Side;
 use crate::light::{Patch, PatchPair};
 
-/// What may be in a patch at any strength without saying anything about the room.
+/// What may be in a patch at any strength without telling anything about the hidden room.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Nuisance {
     patterns: [Vec<Vec<f64>>; 2],
@@ -9,28 +9,28 @@ pub struct Nuisance {
 }
 
 impl Nuisance {
-    /// Per side, patterns over the pixels of a patch, row by row from the wall.
+    /// Nuisance patterns per side, over the pixels of a patch, row by row from the wall.
     pub fn new(patterns: [Vec<Vec<f64>>; 2]) -> Self {
         Self { patterns, own: None }
     }
 
-    /// Besides the patterns, which any colour may hold: in each colour, that colour's own picture of the empty room.
+    /// Adds, in each colour, that colour's own picture of the empty room. The patterns may be present in every colour.
     pub fn with_own_pictures(self, empty: PatchPair) -> Self {
         Self { own: Some(empty), ..self }
     }
 
-    /// The constant alone, for patches of `pixels` pixels: far light of the visible side, b of eq. 12.
+    /// Only the constant, for patches of `pixels` pixels: distant light of the visible side, b of eq. 12.
     pub fn constant(pixels: usize) -> Self {
         let constant = || vec![vec![1.0; pixels]];
         Self::new([constant(), constant()])
     }
 
-    /// The patterns of one side: 0 left, 1 right.
+    /// The patterns of one side: 0 is left, 1 is right.
     pub(super) fn side(&self, s: usize) -> &[Vec<f64>] {
         &self.patterns[s]
     }
 
-    /// The colours' own pictures at one side, if there are any.
+    /// The own pictures of one side, if any.
     pub(super) fn own(&self, side: Side) -> Option<&Patch> {
         self.own.as_ref().map(|pair| pair.side(side))
     }

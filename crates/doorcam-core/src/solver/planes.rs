@@ -1,9 +1,9 @@
-//! Sums over the pixels of a patch's colour planes: where the time of a projection goes.
+//! Sums over the pixels of a patch's colour planes, where a projection spends its time.
 
-/// Pixels whose products are summed in f32 before they join the f64 sum.
+/// Number of products that are summed in f32 before they are added to the f64 sum.
 const BLOCK: usize = 512;
 
-/// Writes W y into `out` and returns ‖W y‖²; the index of a pixel that counts and is not finite otherwise.
+/// Writes W y into `out` and returns ‖W y‖², or the index of a pixel that counts and is not finite.
 pub(super) fn weigh_plane(plane: &[f32], weights: &[f32], out: &mut [f32]) -> Result<f64, usize> {
     let mut energy = 0.0;
     for (k, ((&value, &weight), out)) in plane.iter().zip(weights).zip(out).enumerate() {
@@ -16,13 +16,13 @@ pub(super) fn weigh_plane(plane: &[f32], weights: &[f32], out: &mut [f32]) -> Re
     Ok(energy)
 }
 
-/// The products of one vector with three planes, which share its passage through the processor's caches.
+/// The products of one vector with three planes, in one pass so that the vector is loaded into the cache once.
 pub(super) fn dot3(a: &[f32], planes: &[Vec<f32>; 3]) -> [f64; 3] {
     const LANES: usize = 8;
     let [b0, b1, b2] = planes;
     let mut sums = [0.0_f64; 3];
     for (((a, b0), b1), b2) in a.chunks(BLOCK).zip(b0.chunks(BLOCK)).zip(b1.chunks(BLOCK)).zip(b2.chunks(BLOCK)) {
-        // Running sums side by side, so that the compiler may use vector registers.
+        // Parallel running sums let the compiler use vector registers.
         let mut lanes = [[0.0_f32; LANES]; 3];
         let whole = a.len() / LANES * LANES;
         for k in (0..whole).step_by(LANES) {
@@ -52,7 +52,7 @@ pub(super) fn dot(a: &[f32], b: &[f32]) -> f64 {
     lanes.iter().sum::<f64>() + a[whole..].iter().zip(&b[whole..]).map(product).sum::<f64>()
 }
 
-/// Subtracts `factor` times `vector` from `plane` and returns the ‖·‖² that is left.
+/// Subtracts `factor` times `vector` from `plane` and returns the remaining ‖·‖².
 pub(super) fn subtract(factor: f32, vector: &[f32], plane: &mut [f32]) -> f64 {
     plane.iter_mut().zip(vector).for_each(|(value, vector)| *value -= factor * vector);
     dot(plane, plane)

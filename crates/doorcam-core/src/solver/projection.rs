@@ -10,30 +10,30 @@ use crate::geometry::Side;
 use crate::light::PatchPair;
 use crate::transport::Transport;
 
-/// Patterns that differ by less, in 1 − cos², are the same but for rounding.
+/// Patterns that differ by less than this, in 1 − cos², are the same up to rounding.
 const ALIKE: f64 = 1e-9;
 
 /// How the columns of A enter the problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Columns {
-    /// As the transport has them: far facets, which light the floor less, pay more for the same light.
+    /// As in the transport: far facets, which light the floor less, pay more for the same light.
     Radiance,
-    /// Each column of A_L and of A_R scaled to unit norm: what a facet pays is how much the floor changes, near or far.
+    /// Each column of A_L and A_R is scaled to unit norm: a facet pays for the change on the floor, near or far.
     /// Intensities are then norms of that change, not radiances.
     UnitNorm,
 }
 
-/// What is known of a patch's pixels, row by row from the wall; per side.
+/// What is known of the patches' pixels, per side, row by row from the wall.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pixels {
-    /// Weights W: one over the noise. Pixels of weight 0 do not count at all.
+    /// Weights W: one over the noise. Pixels with weight 0 do not count.
     pub weights: [Vec<f64>; 2],
-    /// The floor's reflectance relative to its surroundings: light from the room comes back multiplied by it.
+    /// The floor's reflectance relative to its surroundings, a factor on the light from the hidden room.
     pub albedo: [Vec<f64>; 2],
 }
 
 impl Pixels {
-    /// All alike, but for those that do not count.
+    /// Equal pixels, except for those that do not count.
     pub fn uniform(counted: &[Vec<bool>; 2]) -> Self {
         Self {
             weights: [0, 1].map(|s| counted[s].iter().map(|&c| f64::from(u8::from(c))).collect()),
@@ -42,17 +42,17 @@ impl Pixels {
     }
 }
 
-/// Takes difference measurements to the Gram system: Aᵀy with the nuisances eliminated.
+/// Maps difference measurements to the Gram system: Aᵀy with the nuisances eliminated.
 ///
-/// Nuisances are patterns that the visible side's light and the camera's gain add to a patch at any strength, unpenalised:
-/// in eq. 12 the constant b^p. With Q an orthonormal basis of them, their least-squares strengths leave the problem with
-/// (I − QQᵀ) W A for A and (I − QQᵀ) W y for y, W the pixels' weights; the rows of A are
-/// multiplied by the floor's albedo. A is nearly of low rank, so it is kept as U C with orthonormal U (M x r): a frame
-/// costs the r + q products [Q U]ᵀ W y instead of N.
+/// Nuisances are patterns that the visible side's light and the camera's gain add to a patch at any strength,
+/// unpenalised; in eq. 12, the constant b^p. With Q an orthonormal basis of them and W the pixels' weights, eliminating
+/// their least-squares strengths replaces A by (I − QQᵀ) W A and y by (I − QQᵀ) W y; the rows of A are multiplied by
+/// the floor's albedo. A is nearly of low rank, so it is kept as U C with orthonormal U (M x r). A frame then costs
+/// r + q products, [Q U]ᵀ W y, instead of N.
 ///
-/// If the nuisances have the colours' own pictures x0, y^p − δ x0^p stands for y^p throughout, δ the weighted least-squares
-/// share of the picture. A is not freed of them: in each colour they are, but for their noise, what Q spans, and A would
-/// become another one for each colour.
+/// If the nuisances include the colours' own pictures x0, y^p is replaced by y^p − δ x0^p throughout, with δ the
+/// weighted least-squares share of the picture. The own pictures are not projected out of A: Q already spans them up to
+/// their noise, and A would become different for each colour.
 #[derive(Debug, Clone)]
 pub struct Projection {
     sides: [ProjectedSide; 2],
@@ -64,32 +64,32 @@ struct ProjectedSide {
     weights: Vec<f32>,
     /// Q then U, one orthonormal vector after the other.
     basis: Vec<f32>,
-    /// Vectors of Q.
+    /// Number of vectors of Q.
     nuisances: usize,
-    /// The colours' own pictures, which leave before Q does.
+    /// The colours' own pictures, which are removed before Q.
     own: Option<OwnPictures>,
-    /// Per vector of Q and channel, its product with the own picture (of unit norm).
+    /// Per vector of Q and channel, its product with the own picture (scaled to unit norm).
     overlap: Vec<[f64; 3]>,
-    /// C, r x N: (I − QQᵀ) W A = U C, columns scaled.
+    /// C, r x N: (I − QQᵀ) W A = U C, with scaled columns.
     core: DMatrix<f64>,
-    /// QᵀWA with scaled columns: what of each facet's light looks like a nuisance.
+    /// QᵀWA with scaled columns: how much of each facet's light looks like a nuisance.
     absorbed: DMatrix<f64>,
-    /// Mean over the patch of each nuisance vector, taken back to unweighted pixels.
+    /// Mean over the patch of each nuisance vector, with the weights divided out.
     means: Vec<f64>,
     /// Radiance of a facet of intensity 1.
     scale: Vec<f64>,
 }
 
-/// What the solver needs to know of one frame.
+/// What the solver needs from one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Correlations {
     /// Per side and channel, A_sᵀ y^p: N values.
     pub rhs: [[Vec<f64>; 3]; 2],
-    /// Σ_p ‖y^p‖² over both patches once the nuisances are out: twice the objective of the empty map.
+    /// Σ_p ‖y^p‖² over both patches without the nuisances: twice the objective of the empty map.
     pub energy: f64,
-    /// Per side and channel, Qᵀ W y^p once the own picture is out.
+    /// Per side and channel, Qᵀ W y^p after the own picture is removed.
     nuisance: [[Vec<f64>; 3]; 2],
-    /// Per side and channel, the share of the own picture (of unit norm); 0 if the nuisances have none.
+    /// Per side and channel, the share of the own picture (scaled to unit norm); 0 if there are no own pictures.
     own: [[f64; 3]; 2],
     /// W y of one patch.
     weighted: [Vec<f32>; 3],
@@ -98,14 +98,14 @@ pub struct Correlations {
 }
 
 impl Correlations {
-    /// Of a problem that has no pixels behind it, such as a test's.
+    /// Correlations of a problem without pixels, such as a test's.
     pub fn new(rhs: [[Vec<f64>; 3]; 2], energy: f64) -> Self {
         let coordinates = std::array::from_fn(|_| DVector::zeros(0));
         let (nuisance, own, weighted) = Default::default();
         Self { rhs, energy, nuisance, own, weighted, coordinates }
     }
 
-    /// The smallest λ at which a map of facets that may all show any change is empty: their largest dual norm.
+    /// The smallest λ with an empty map if all facets are [`Admissible::Signed`]: their largest dual norm.
     pub fn signed_lambda_max(&self) -> f64 {
         let facets = self.rhs[0][0].len();
         (0..facets).map(|n| Admissible::Signed.dual_norm(&pair(&self.rhs, n))).fold(0.0, f64::max)
@@ -130,15 +130,15 @@ pub enum ProjectionError {
     /// The patches have another size than the model's.
     #[error("the patches have {got} x {got} pixels, the model {expected} x {expected}")]
     Size {
-        /// Pixels along a side of the patches.
+        /// Pixels along a side of the given patches.
         got: usize,
-        /// What the model was built for.
+        /// Pixels along a side that the model was built for.
         expected: usize,
     },
 }
 
 impl Projection {
-    /// Weighs, frees of nuisances, scales and factors the columns of `transport`.
+    /// Weights the columns of `transport`, projects the nuisances out, and scales and factors the result.
     pub fn new(transport: &Transport, pixels: &Pixels, nuisance: &Nuisance, columns: Columns) -> Self {
         let project = |s: usize| {
             let (weights, albedo) = (&pixels.weights[s], &pixels.albedo[s]);
@@ -156,12 +156,12 @@ impl Projection {
         self.facets
     }
 
-    /// Per side, the number of products that a frame costs.
+    /// Per side, the number of products that a frame costs: r + q.
     pub fn rank(&self) -> [usize; 2] {
         [0, 1].map(|s| self.sides[s].nuisances + self.sides[s].core.nrows())
     }
 
-    /// AᵀA of the left and the right side: N x N each. Worked out anew each time, for whoever solves to keep.
+    /// AᵀA of the left and the right side, N x N each. Computed on each call; the solver keeps the result.
     pub fn gram(&self) -> [DMatrix<f64>; 2] {
         let gram = |s: usize| self.sides[s].core.transpose() * &self.sides[s].core;
         rayon::join(|| gram(0), || gram(1)).into()
@@ -172,7 +172,7 @@ impl Projection {
         [0, 1].map(|s| self.sides[s].scale.as_slice())
     }
 
-    /// Room for the result of [`Projection::project`].
+    /// A workspace for the result of [`Projection::project`].
     pub fn correlations(&self) -> Correlations {
         let zeros = |n: usize| std::array::from_fn(|_| vec![0.0; n]);
         Correlations {
@@ -187,7 +187,7 @@ impl Projection {
         }
     }
 
-    /// Writes what white noise of unit variance in W y would give into `out`; `normal` draws standard normal numbers.
+    /// Writes the `rhs` of white noise of unit variance in W y into `out`; `normal` draws standard normal numbers.
     pub fn white_noise(&self, out: &mut Correlations, mut normal: impl FnMut() -> f64) {
         for (s, side) in self.sides.iter().enumerate() {
             let rank = side.core.nrows();
@@ -201,6 +201,10 @@ impl Projection {
     }
 
     /// Computes Aᵀy of a difference measurement into `out`. Allocates nothing.
+    ///
+    /// # Errors
+    ///
+    /// If the patches have another size than the model's, or a pixel that counts is not finite.
     pub fn project(&self, difference: &PatchPair, out: &mut Correlations) -> Result<(), ProjectionError> {
         out.energy = 0.0;
         for (s, side) in Side::BOTH.into_iter().enumerate() {
@@ -250,8 +254,9 @@ impl Projection {
         Ok(())
     }
 
-    /// The mean over each patch of what the nuisances explain once the facets' light is taken away, per side and channel:
-    /// with the constant as the only nuisance, b of eq. 12. `intensities(s, n)` is X_sn = c_sn v_n.
+    /// The mean over each patch of what the nuisances explain after the facets' light is subtracted, per side and
+    /// channel, in linear light. With the constant as the only nuisance this is b of eq. 12. `intensities(s, n)` is
+    /// X_sn = c_sn v_n.
     pub fn illumination(
         &self,
         correlations: &Correlations,
@@ -273,10 +278,11 @@ impl Projection {
         })
     }
 
-    /// Per side and channel, how strong a change of the first pattern may be in the frame, besides a gain and what happens in
-    /// the room: the smaller of its strength (weighed, of unit norm) in a least-squares fit of it and the own picture, to
-    /// which a gain adds nothing, and the own picture's share of the frame, to which the room adds little. 0 where the first
-    /// pattern and the own picture are the same, so that the own picture takes both.
+    /// Per side and channel, how strongly the first pattern may have changed in the frame, apart from a gain and from
+    /// changes in the hidden room. This is the smaller of two values: the pattern's strength (weighted, scaled to unit
+    /// norm) in a least-squares fit together with the own picture, to which a gain adds nothing; and the own picture's
+    /// share of the frame, to which the hidden room adds little. 0 if the pattern and the own picture are the same,
+    /// since the own picture then takes both.
     pub fn even_light(&self, correlations: &Correlations) -> [[f64; 3]; 2] {
         [0, 1].map(|s| {
             let strength = |p: usize| {
@@ -289,8 +295,8 @@ impl Projection {
         })
     }
 
-    /// Per side and channel, by what factor the own picture is multiplied once the facets' light is taken away:
-    /// 1 + Σ w² x0 (y − A x) / Σ w² x0². None if the nuisances have no own pictures. `intensities(s, n)` is X_sn = c_sn v_n.
+    /// Per side and channel, the factor by which the own picture is multiplied after the facets' light is subtracted:
+    /// 1 + Σ w² x0 (y − A x) / Σ w² x0². None if there are no own pictures. `intensities(s, n)` is X_sn = c_sn v_n.
     pub fn gain(
         &self,
         correlations: &Correlations,
@@ -322,7 +328,7 @@ impl ProjectedSide {
                 column.axpy(-absorbed[(k, n)], vector, 1.0);
             }
             let norm = column.norm();
-            // What is all nuisance, but for rounding, cannot be seen.
+            // A column that is a nuisance up to rounding cannot be seen.
             let seen = norm > 1e-9 * whole[n] && norm > 0.0;
             scale[n] = match columns {
                 _ if !seen => 0.0,
@@ -369,13 +375,13 @@ fn multiply_rows(matrix: &DMatrix<f64>, rows: &[f64]) -> DMatrix<f64> {
     product
 }
 
-/// An orthonormal basis of the weighted nuisances; those that the ones before them explain are left out.
+/// An orthonormal basis of the weighted nuisances, without those that earlier ones explain.
 fn orthonormal(nuisances: &[Vec<f64>], weights: &[f64]) -> Vec<DVector<f64>> {
     let mut basis: Vec<DVector<f64>> = Vec::new();
     for pattern in nuisances {
         let mut vector = DVector::from_iterator(weights.len(), pattern.iter().zip(weights).map(|(p, w)| p * w));
         let whole = vector.norm();
-        // Twice: one pass leaves rounding errors of nearly parallel patterns.
+        // Twice, since one pass leaves rounding errors for nearly parallel patterns.
         for known in basis.iter().chain(basis.iter()) {
             let share = known.dot(&vector);
             vector.axpy(-share, known, 1.0);

@@ -11,7 +11,7 @@ fn transport() -> Transport {
     Transport::new(&doorway, &grid.facets, &TransportSpec { kernel: Kernel::Radiometric, facet_height_m: 2.0, patch })
 }
 
-/// Reproducible numbers in −1 .. 1.
+/// Reproducible numbers between −1 and 1.
 fn noise(seed: u64) -> impl Iterator<Item = f64> {
     (1u64..).map(move |k| {
         let mut x = k.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed.wrapping_mul(0xd1b5_4a32_d192_ed03);
@@ -31,7 +31,7 @@ fn measurement() -> PatchPair {
     pair
 }
 
-/// Pictures of an empty room, of a kind in each colour, with noise.
+/// Noisy pictures of an empty room, a different one in each colour.
 fn own_pictures() -> PatchPair {
     let mut pair = PatchPair::zeros(SIZE);
     for (seed, patch) in [&mut pair.left, &mut pair.right].into_iter().enumerate() {
@@ -42,8 +42,8 @@ fn own_pictures() -> PatchPair {
     pair
 }
 
-/// The formulas of the documentation, literally: y without its share of the own picture, then residuals of a least-squares
-/// fit of the nuisances, column by column.
+/// Evaluates the formulas of the documentation directly: y without its share of the own picture, then the residuals of
+/// a least-squares fit of the nuisances, column by column.
 #[test]
 fn the_fast_product_is_the_literal_one() {
     let transport = transport();
@@ -106,7 +106,7 @@ fn the_fast_product_is_the_literal_one() {
     }
 }
 
-/// Own pictures have no say in it: what is theirs in the frame, the constant gets back.
+/// Own pictures do not change this: their share of the frame is given back to the constant.
 #[test]
 fn with_the_constant_as_the_only_pattern_the_illumination_is_b_of_equation_12() {
     let transport = transport();
@@ -135,7 +135,7 @@ fn with_the_constant_as_the_only_pattern_the_illumination_is_b_of_equation_12() 
     }
 }
 
-/// The formula of the documentation, literally.
+/// Evaluates the formula of the documentation directly.
 #[test]
 fn the_gain_is_the_least_squares_share_of_the_own_picture_without_the_facets() {
     let (transport, pixels, pictures, y) = (transport(), SIZE * SIZE, own_pictures(), measurement());
@@ -221,7 +221,7 @@ fn a_multiple_of_the_own_picture_is_not_there_at_all() {
     }
 }
 
-/// By the normal equations of the two.
+/// Fits the pattern and the own picture by their normal equations.
 #[test]
 fn even_light_is_the_smaller_of_a_fit_with_the_own_picture_and_of_its_share() {
     let (pixels, pictures, y) = (SIZE * SIZE, own_pictures(), measurement());
@@ -234,7 +234,7 @@ fn even_light_is_the_smaller_of_a_fit_with_the_own_picture_and_of_its_share() {
     let projection = Projection::new(&transport(), &known, &nuisance, Columns::UnitNorm);
     let mut correlations = projection.correlations();
     assert_eq!(projection.even_light(&correlations), [[0.0; 3]; 2]);
-    // As it is, the share is larger; with most of the picture taken away, the fit.
+    // In `y` the share is larger; with most of the picture taken away, the fit is.
     let mut less = y.clone();
     for side in Side::BOTH {
         let values = less.side_mut(side).data_mut().iter_mut();

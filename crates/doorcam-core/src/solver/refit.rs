@@ -3,25 +3,25 @@ use super::projection::Correlations;
 use super::{Solution, Solver};
 
 impl Solver {
-    /// Per facet with light, the factor by which its light must be multiplied to be as bright as measured, its colour and
-    /// balance kept: a least-squares refit on the support, which undoes the penalty's shrinkage. 1 for dark facets.
+    /// Per facet with light, the factor that makes its light as bright as measured while keeping its colour and
+    /// balance: a least-squares refit on the support, which undoes the penalty's shrinkage. 1 for dark facets.
     ///
-    /// With u_n = A_n x_n what facet n adds to both patches in all colours, K_nm = ⟨u_n, u_m⟩ and d = f − 1,
+    /// With u_n = A_n x_n the light that facet n adds to both patches in all colours, K_nm = ⟨u_n, u_m⟩ and d = f − 1,
     ///
     /// minimise over f >= 0: ½ ‖y − Σ_n f_n u_n‖² + ½ Σ_{n<m} |K_nm| (d_n − sign(K_nm) d_m)²
     ///
-    /// Neighbouring facets look alike on the floor: only their sum is measured, and least squares alone would make one
-    /// huge and the other 0. The second term ties two facets by as much as they look alike, or like each other's opposite,
-    /// in the direction in which the measurement says nothing about them. It is 0 at f = 1, so that the residual never
-    /// gets larger than the solution's. With it the facets come apart:
+    /// Neighbouring facets look alike on the floor, so only their sum is measured, and plain least squares would make
+    /// one huge and the other 0. The second term ties two facets in proportion to how much they look alike, or like
+    /// each other's opposite, in the direction that the measurement does not determine. It is 0 at f = 1, so the
+    /// residual never becomes larger than the solution's. With this term the facets decouple:
     ///
     /// f_n = 1 + ⟨u_n, r⟩ / Σ_m |K_nm|,  r = y − Σ_m u_m
     ///
-    /// A facet that shares no light with another gets its least-squares brightness, facets that cannot be told apart at
-    /// all get one factor, which is that of their sum, and at a stationary point every factor is between 1 and what the
-    /// facet alone would take.
+    /// A facet that shares no light with others gets its least-squares brightness. Facets that cannot be told apart get
+    /// the same factor, that of their sum. At a stationary point every factor is between 1 and what the facet would get
+    /// alone.
     ///
-    /// Allocates nothing if `factors` has room for N values.
+    /// Allocates nothing if `factors` has capacity for N values.
     pub fn refit(&self, frame: &Correlations, solution: &Solution, factors: &mut Vec<f64>) {
         factors.clear();
         factors.resize(self.facets(), 1.0);
@@ -53,7 +53,7 @@ mod tests {
 
     #[test]
     fn shrinkage_is_undone() {
-        // Two facets apart, each with a light of its own, and a dark one between that overlaps both: y = A x exactly.
+        // Two separate facets with light, and a dark one in between that overlaps both: y = A x exactly.
         let gram = DMatrix::from_row_slice(3, 3, &[1.0, 0.2, 0.0, 0.2, 1.0, 0.1, 0.0, 0.1, 1.0]);
         let truth = [[0.8, 0.0, 0.6], [0.0, 0.0, 0.0], [0.3, 0.4, 0.0]];
         let rhs = [0, 1].map(|_| {

@@ -1,11 +1,11 @@
 use crate::scene::Intensity;
 
-/// When to stop.
+/// When a solve stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// Stop when no first-order condition is violated by more than this share of λ.
+    /// Stop once no first-order condition is violated by more than this share of λ.
     pub tolerance: f64,
-    /// Stop after this many sweeps and Newton steps in all, with the best point so far.
+    /// Stop after this many sweeps and Newton steps in total, with the best point so far.
     pub sweeps: usize,
 }
 
@@ -15,12 +15,12 @@ impl Default for Limits {
     }
 }
 
-/// Where to start.
+/// Where a solve starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Start {
     /// From the empty map.
     Empty,
-    /// From the intensities of the solution that is to be replaced.
+    /// From the intensities of the solution that will be replaced.
     Previous,
 }
 
@@ -35,20 +35,20 @@ pub struct Solution {
     pub data: f64,
     /// λ Σ w_n ‖c_n‖.
     pub penalty: f64,
-    /// Lower bound on the objective of every admissible point, by duality: a small gap proves the solution, a large one
-    /// says only that it is not proven.
+    /// Lower bound on the objective of every admissible point, by duality. A small gap proves the solution optimal; a
+    /// large one only leaves it unproven.
     pub bound: f64,
     /// The largest violation of a first-order condition, as a share of λ w_n.
     pub residual: f64,
-    /// Per facet with light, whether it wants light of a second colour or balance of left and right as well: ⟨c vᵀ, Aᵀr⟩
-    /// exceeds λ w_n for another admissible unit (c, v) than its own, so that a sum of two such lights would lower the
-    /// objective of the problem without the rank constraint. If no facet does, the solution is the global optimum.
+    /// Per facet with light, whether it also wants light of a second colour or left-right balance: ⟨c vᵀ, Aᵀr⟩ exceeds
+    /// λ w_n for an admissible unit (c, v) other than its own, so a sum of two such lights would lower the objective of
+    /// the problem without the rank constraint. If this holds for no facet, the solution is the global optimum.
     pub wants_second: Vec<bool>,
-    /// Sweeps over facets and Newton steps that it took.
+    /// Number of sweeps over facets and Newton steps taken.
     pub sweeps: usize,
     /// Whether it started from an earlier solution.
     pub warm: bool,
-    /// Whether it stopped at the cap on sweeps rather than at the tolerance.
+    /// Whether it stopped at the limit on sweeps before reaching the tolerance.
     pub capped: bool,
 }
 

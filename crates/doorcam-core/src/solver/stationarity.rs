@@ -1,8 +1,8 @@
-//! By how much a facet with light misses the first-order conditions of eq. 13.
+//! How far a facet with light is from meeting the first-order conditions of eq. 13.
 //!
-//! Write c = ρ u with unit u, z_s = A_snᵀ r_s at the point. With X = ρ u vᵀ, the derivatives of the objective are
-//! λ u_s − z_s·v along c_s, and −q·(u_L z_L + u_R z_R) along a direction q of v at right angles to v (times ρ: by how
-//! much X moves). Each is zero, or not negative where c_s or a colour of v is at its bound.
+//! Write c = ρ u with unit u, and z_s = A_snᵀ r_s at the point. With X = ρ u vᵀ, the derivatives of the objective are
+//! λ u_s − z_s·v along c_s, and −q·(u_L z_L + u_R z_R) along a direction q of v orthogonal to v (times ρ, since that
+//! is how far X moves). Each must be zero, or nonnegative where c_s or a colour of v is at its bound.
 
 use super::facet::{Admissible, Pair};
 use crate::scene::Intensity;

@@ -1,11 +1,11 @@
 //! The directions in which the facets with light can move, with eq. 13's gradient and Hessian along them.
 //!
-//! Around X_n = c vᵀ = ρ u vᵀ the coordinates are c itself and w, with v turning to v + Q w/ρ made unit, where Q's columns
-//! are at right angles to v. X_n moves along p qᵀ with (p, q) = (e_s, v) for c_s and (u, q_k) for w_k. What is at its
-//! bound, a c_s or a colour at 0, takes part only if the gradient leads away from the bound.
+//! Around X_n = c vᵀ = ρ u vᵀ, the coordinates are c itself and w: v turns to v + Q w/ρ, normalised, where Q's columns
+//! are orthogonal to v. X_n moves along p qᵀ, with (p, q) = (e_s, v) for c_s and (u, q_k) for w_k. A c_s or a colour
+//! that is at its bound of 0 takes part only if descent leads away from the bound.
 //!
-//! The Hessian is, with z = Aᵀr, Σ_s G_s,nm (p_s p'_s) (q·q') for any two tangents, plus, for tangents of one facet,
-//! λ/ρ (I − u uᵀ) for c, −z_s·q_k/ρ between c_s and w_k, (uᵀ z v)/ρ I for w.
+//! With z = Aᵀr, the Hessian is Σ_s G_s,nm (p_s p'_s) (q·q') for any two tangents. Tangents of the same facet add
+//! λ/ρ (I − u uᵀ) for c, −z_s·q_k/ρ between c_s and w_k, and (uᵀ z v)/ρ I for w.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -13,19 +13,19 @@ use super::active::{Active, Point, lit, pair};
 use super::facet::{Admissible, Pair};
 use crate::scene::Intensity;
 
-/// The tangents at a point, all of a facet side by side.
+/// The tangents at a point, grouped by facet.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Tangents {
     all: Vec<Tangent>,
     /// The gradient along each.
     pub gradient: Vec<f64>,
-    /// p qᵀ of each: per side and colour, one value a tangent.
+    /// p qᵀ of each: per side and colour, one value per tangent.
     moves: [[Vec<f64>; 3]; 2],
-    /// A facet's row of each Gram matrix, one value a tangent.
+    /// A facet's row of each Gram matrix, one value per tangent.
     rows: [Vec<f64>; 2],
 }
 
-/// One coordinate.
+/// One coordinate of one facet.
 #[derive(Debug, Clone, Copy)]
 struct Tangent {
     facet: usize,
@@ -42,7 +42,7 @@ enum Role {
     Colour(usize),
 }
 
-/// Which second derivatives count, beside those of the data term.
+/// Which second derivatives count, besides those of the data term.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Curvature {
     /// All.
@@ -52,18 +52,18 @@ pub(super) enum Curvature {
 }
 
 impl Tangents {
-    /// Room for `n` facets.
+    /// A workspace for `n` facets.
     pub fn with_capacity(n: usize) -> Self {
-        let room = || Vec::with_capacity(4 * n);
+        let buffer = || Vec::with_capacity(4 * n);
         Self {
             all: Vec::with_capacity(4 * n),
-            gradient: room(),
-            moves: [0, 1].map(|_| [0, 1, 2].map(|_| room())),
-            rows: [room(), room()],
+            gradient: buffer(),
+            moves: [0, 1].map(|_| [0, 1, 2].map(|_| buffer())),
+            rows: [buffer(), buffer()],
         }
     }
 
-    /// How many there are.
+    /// Number of tangents.
     pub fn len(&self) -> usize {
         self.all.len()
     }
@@ -103,7 +103,7 @@ impl Tangents {
         self.all.push(tangent);
     }
 
-    /// Writes the Hessian's lower triangle into `out`, column by column, its diagonal 1 + `damping` times as large.
+    /// Writes the Hessian's lower triangle into `out`, column by column, with the diagonal multiplied by 1 + `damping`.
     pub fn hessian(&mut self, active: &Active, point: &Point, curvature: Curvature, damping: f64, out: &mut Vec<f64>) {
         out.resize(self.len() * self.len(), 0.0);
         let n = self.len();
@@ -131,7 +131,7 @@ impl Tangents {
         }
     }
 
-    /// Puts the light at `t` along a step into `out`, made admissible.
+    /// Puts the light at the share `t` of a step into `out`, made admissible.
     pub fn travel(&self, active: &Active, point: &Point, step: &[f64], t: f64, out: &mut Vec<Intensity>) {
         out.clone_from(&point.light);
         for (facet, change) in self.changes(point, step) {
@@ -142,7 +142,8 @@ impl Tangents {
         }
     }
 
-    /// Lists where along a step, between 0 and 1, a light or a colour comes to its bound or a facet becomes dark.
+    /// Lists in order where along a step, between 0 and 1, a light or a colour reaches its bound or a facet becomes
+    /// dark.
     pub fn bounds(&self, active: &Active, point: &Point, step: &[f64], out: &mut Vec<f64>) {
         out.clear();
         let mut at = |value: f64, change: f64| {
@@ -184,11 +185,12 @@ impl Tangents {
     }
 }
 
-/// Σ_s G_s,nm (p_s p'_s) (q·q') between the first of some tangents and each of them, with the widest registers there are.
-struct Products<'a> {
-    moves: [[&'a [f64]; 3]; 2],
-    rows: [&'a [f64]; 2],
-    column: &'a mut [f64],
+/// Σ_s G_s,nm (p_s p'_s) (q·q') between the first of the given tangents and each of them, with the widest available
+/// vector registers.
+pub(super) struct Products<'a> {
+    pub moves: [[&'a [f64]; 3]; 2],
+    pub rows: [&'a [f64]; 2],
+    pub column: &'a mut [f64],
 }
 
 impl WithSimd for Products<'_> {
@@ -206,13 +208,13 @@ impl WithSimd for Products<'_> {
     }
 }
 
-/// By how much c and v change, before they are made admissible.
+/// Changes of c and v before they are made admissible.
 struct Change {
     light: [f64; 2],
     colour: [f64; 3],
 }
 
-/// The nearest admissible values; dark if c leads through zero.
+/// The nearest admissible values; dark if c passes through zero.
 fn admit(kind: Admissible, old: &Intensity, c: [f64; 2], v: [f64; 3]) -> Intensity {
     let c = if kind.light_is_nonnegative() { c.map(|x| x.max(0.0)) } else { c };
     let v = if kind.colour_is_nonnegative() { v.map(|x| x.max(0.0)) } else { v };
@@ -224,7 +226,7 @@ fn admit(kind: Admissible, old: &Intensity, c: [f64; 2], v: [f64; 3]) -> Intensi
 }
 
 impl Curvature {
-    /// The second derivatives of penalty and parametrisation between two tangents of one facet.
+    /// The second derivative, due to penalty and parametrisation, between two tangents of one facet.
     fn between(self, a: &Tangent, b: &Tangent, i: &Intensity, z: &Pair, lambda: f64) -> f64 {
         let (rho, u) = polar(i);
         let same = if a.role == b.role { 1.0 } else { 0.0 };
@@ -247,13 +249,13 @@ fn polar(i: &Intensity) -> (f64, [f64; 2]) {
     (rho, [i.left / rho, i.right / rho])
 }
 
-/// Unit vectors that v can turn to: at right angles to v and to each other, without the colours that are held at their
-/// bound. `pull` is minus the gradient along each colour.
+/// Unit vectors that v can turn towards: orthogonal to v and to each other, without the colours held at their bound.
+/// `pull` is minus the gradient along each colour.
 fn turns(kind: Admissible, v: &[f64; 3], pull: &[f64; 3]) -> [Option<[f64; 3]>; 2] {
     let free = |p: usize| v[p] != 0.0 || !kind.colour_is_nonnegative() || pull[p] > 0.0;
     match [0, 1, 2].map(free) {
         [true, true, true] => {
-            // Cross v with the axis that it is least along.
+            // Cross v with the axis along which it is smallest.
             let least = (0..3).fold(0, |a, p| if v[p].abs() < v[a].abs() { p } else { a });
             let mut e = [0.0; 3];
             e[least] = 1.0;

@@ -1,21 +1,21 @@
 use pathfinding::kuhn_munkres::{Weights, kuhn_munkres};
 
-/// Which detection is whose: the matching of people and detections with the largest sum of gains, where whoever stays
-/// without a partner gains nothing.
+/// Assigns detections to people: the matching with the largest sum of gains, where anyone without a partner gains
+/// nothing.
 ///
-/// A gain is the log of how much more likely the pair is than both staying alone; pairs that do not gain are not made.
+/// A gain is the log likelihood ratio of the pair to both staying alone. Pairs without a positive gain are not made.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Association {
     rows: usize,
     columns: usize,
-    /// Row-major; 0 for pairs that cannot be.
+    /// Row-major (people x detections); 0 for impossible pairs.
     gains: Vec<f64>,
     taken: Vec<bool>,
     partners: Vec<Option<usize>>,
 }
 
 impl Association {
-    /// Starts anew, with no pair possible.
+    /// Starts over, with no pair possible.
     pub fn clear(&mut self, people: usize, detections: usize) {
         (self.rows, self.columns) = (people, detections);
         self.gains.clear();
@@ -26,12 +26,12 @@ impl Association {
         self.taken.resize(detections, false);
     }
 
-    /// Says what a pair gains; only what is above 0 counts.
+    /// Sets the gain of a pair; only values above 0 count.
     pub fn set(&mut self, person: usize, detection: usize, gain: f64) {
         self.gains[person * self.columns + detection] = if gain.is_finite() { gain.max(0.0) } else { 0.0 };
     }
 
-    /// What a pair gains; 0 where it cannot be.
+    /// The gain of a pair; 0 if it is impossible.
     pub fn gain(&self, person: usize, detection: usize) -> f64 {
         self.gains[person * self.columns + detection]
     }
@@ -41,7 +41,7 @@ impl Association {
         &self.partners
     }
 
-    /// Gives one person's detection to another, who has none.
+    /// Gives one person's detection to another who has none.
     pub fn hand_over(&mut self, from: usize, to: usize) {
         self.partners.swap(from, to);
     }
@@ -67,7 +67,8 @@ impl Association {
         }
     }
 
-    /// If nobody's best detection is another's as well, that is the best matching. It nearly always is, and needs no memory.
+    /// Tries to give everyone their best detection. If no two people want the same one, this is the best matching. It
+    /// is the usual case, and allocates nothing.
     fn everyone_has_their_best(&mut self) -> bool {
         for person in 0..self.rows {
             let row = &self.gains[person * self.columns..][..self.columns];
@@ -88,7 +89,8 @@ impl Association {
     }
 }
 
-/// The gains as a matrix at least as wide as high, in whole millionths: the library wants numbers that are totally ordered.
+/// The gains as a matrix with at least as many columns as rows, in whole millionths, because the library needs totally
+/// ordered numbers.
 struct Wide<'a> {
     gains: &'a Association,
     transposed: bool,
@@ -106,7 +108,7 @@ impl Weights<i64> for Wide<'_> {
 
     fn at(&self, row: usize, column: usize) -> i64 {
         let (person, detection) = if self.transposed { (column, row) } else { (row, column) };
-        // Gains are logs of ratios of doubles: far from where this would be cut.
+        // Gains are logs of ratios of doubles, far below this limit.
         self.sign * (self.gains.gain(person, detection).min(1e6) * 1e6).round() as i64
     }
 

@@ -1,17 +1,17 @@
 use crate::scene::Rgb;
 
-/// How long a colour is remembered, in seconds.
+/// Time constant of the averaged colour, in seconds.
 const MEMORY_S: f64 = 2.0;
-/// Standard deviation of one person's colour direction from frame to frame, whatever the noise.
+/// Standard deviation of one person's colour direction from frame to frame, without noise.
 const OWN_SPREAD: f64 = 0.25;
-/// Standard deviation of the colour directions of different people: nearly all of them darken, so they have much in common.
+/// Standard deviation of the colour directions of different people. It is small because nearly all people darken.
 const ANYONES_SPREAD: f64 = 0.6;
-/// However badly a colour fits, and however well: it is a hint. Where two people are seen as one, it is of neither.
+/// Limits of the log ratio: colour is only a hint, since two people seen as one have a colour that is neither's.
 const LOG_RATIO_RANGE: (f64, f64) = (-2.5, 1.5);
 
 /// A person's colour, averaged over the last seconds.
 ///
-/// What is compared is the direction of the change in (r, g, b), sign included: how strong it is depends on the place.
+/// Only the direction of the change in (r, g, b) is compared, sign included, because its strength depends on the place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Colour {
     mean: Rgb,
@@ -19,7 +19,7 @@ pub(super) struct Colour {
 }
 
 impl Colour {
-    /// Seen once; what is not finite was not seen.
+    /// A colour seen once; values that are not finite count as unseen.
     pub fn new(rgb: Rgb) -> Self {
         let unknown = Self { mean: [0.0; 3], weight: 0.0 };
         if rgb.iter().all(|v| v.is_finite()) { Self { mean: rgb, weight: 1.0 } } else { unknown }
@@ -30,7 +30,7 @@ impl Colour {
         self.mean
     }
 
-    /// Takes in what is seen `seconds` after the frame before.
+    /// Adds the colour seen `seconds` after the previous frame.
     pub fn update(&mut self, rgb: Rgb, seconds: f64) {
         if !rgb.iter().all(|v| v.is_finite()) {
             return;
@@ -41,12 +41,13 @@ impl Colour {
         }
     }
 
-    /// Log of how much more likely a colour of that significance (2 log likelihood ratio) is for this person than for anybody:
-    /// normal distributions of the difference of directions in space.
+    /// Log likelihood ratio of a colour of the given significance (2 log likelihood ratio) for this person to anybody:
+    /// a ratio of two normal distributions of the difference of directions.
     pub fn log_ratio(&self, rgb: Rgb, significance: f64) -> f64 {
         let (Some(own), Some(seen)) = (direction(self.mean), direction(rgb)) else { return 0.0 };
         let distance2: f64 = own.iter().zip(seen).map(|(a, b)| (a - b).powi(2)).sum();
-        // A vector that stands √significance standard deviations out of noise has a direction that is as uncertain.
+        // A vector √significance standard deviations above the noise has a direction with a variance of 1 /
+        // significance.
         let noise = if significance > 1.0 { significance.recip() } else { 1.0 };
         let own = OWN_SPREAD.powi(2) + noise;
         let anyones = ANYONES_SPREAD.powi(2) + noise;

@@ -2,16 +2,15 @@ use super::Covariance;
 use crate::geometry::Point;
 use crate::scene::Rgb;
 
-/// Somebody seen in one frame.
+/// A person as seen in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Detection {
-    /// The body's axis, in metres in the door frame.
+    /// Position of the body's axis, in metres in the door frame.
     pub position: Point,
     /// Covariance of the position, in m².
     pub covariance: Covariance,
-    /// Radiance against what is behind, relative to full scale: negative where the body is darker.
+    /// Radiance relative to what is behind the body, as a share of full scale; negative where the body is darker.
     pub rgb: Rgb,
-    /// By how much the measurement is explained better with this person than without, in units of noise variance: twice
-    /// the log of the likelihood ratio.
+    /// Twice the log likelihood ratio of the measurement with and without this person, in units of noise variance.
     pub significance: f64,
 }

@@ -5,18 +5,18 @@ use super::zones::Zone;
 use super::{Track, TrackState};
 use crate::geometry::Point;
 
-/// What happened.
+/// Kind of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum EventKind {
-    /// Somebody is there: told when the track is confirmed, as of its first detection.
+    /// Somebody is there. Reported when the track is confirmed, with time and place of its first detection.
     Enter,
-    /// The track ended: as of its last detection.
+    /// The track ended. Reported with time and place of its last detection.
     Exit,
     /// Somebody has stayed in one place for a while.
     Dwell,
-    /// Somebody came into a zone.
+    /// Somebody entered a zone.
     ZoneEnter,
     /// Somebody left a zone, or was last seen in it.
     ZoneExit,
@@ -26,7 +26,7 @@ impl EventKind {
     /// Every kind.
     pub const ALL: [Self; 5] = [Self::Enter, Self::Exit, Self::Dwell, Self::ZoneEnter, Self::ZoneExit];
 
-    /// As it is written everywhere.
+    /// The name used in JSON and elsewhere.
     pub fn name(self) -> &'static str {
         match self {
             Self::Enter => "enter",
@@ -42,19 +42,20 @@ impl EventKind {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Event {
-    /// Counts events, in the order in which they became known: from 0, or on from the runs before where these are kept.
+    /// Number of the event, in the order in which events became known: from 0, or continued from earlier runs if the
+    /// history is kept.
     pub sequence: u64,
-    /// What.
+    /// What happened.
     pub kind: EventKind,
-    /// When, RFC 3339.
+    /// When it happened, RFC 3339.
     pub time: Timestamp,
-    /// Whose track.
+    /// Id of the person's track.
     pub track: u64,
-    /// Where, in metres in the door frame.
+    /// Position to the right, in metres in the door frame.
     pub x_m: f64,
-    /// The same, into the room.
+    /// Position into the hidden room, in metres in the door frame.
     pub y_m: f64,
-    /// Which zone; none for what has nothing to do with one.
+    /// Name of the zone; none for events without a zone.
     #[cfg_attr(feature = "schema", schema(required))]
     pub zone: Option<String>,
 }
@@ -65,46 +66,47 @@ pub struct Event {
 pub struct Occupancy {
     /// The zone's name.
     pub name: String,
-    /// How many people.
+    /// Number of people in the zone.
     pub people: usize,
-    /// Their tracks.
+    /// Ids of their tracks.
     pub tracks: Vec<u64>,
 }
 
-/// When somebody dwells.
+/// When somebody dwells: for at least `seconds` within `radius_m`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dwelling {
-    /// For at least this many seconds,
+    /// Shortest stay, in seconds.
     pub seconds: f64,
-    /// within this many metres.
+    /// Largest distance from where the stay began, in metres.
     pub radius_m: f64,
 }
 
-/// Sees from the tracks of update after update what people do.
+/// Derives events from the tracks of successive updates.
 #[derive(Debug, Clone)]
 pub struct Events {
     dwelling: Dwelling,
     zones: Vec<Zone>,
     names: Vec<String>,
     present: Vec<Present>,
-    /// What is to be told with the next update.
+    /// Events to report with the next update.
     pending: Vec<Event>,
     next: u64,
 }
 
-/// A track as far as it was seen.
+/// What is known about a track.
 #[derive(Debug, Clone)]
 struct Present {
     id: u64,
     entered: bool,
     first: Moment,
     last: Moment,
-    /// Where they began to stay.
+    /// When and where the current stay began.
     stay: Moment,
+    /// Whether the current stay was reported as a dwell.
     told: bool,
-    /// For each zone, whether they are in it.
+    /// For each zone, whether the person is in it.
     inside: Vec<bool>,
-    /// In the newest update.
+    /// Whether the latest update has this track.
     there: bool,
 }
 
@@ -115,29 +117,29 @@ struct Moment {
 }
 
 impl Events {
-    /// Nobody was seen yet.
+    /// Starts with nobody seen.
     pub fn new(dwelling: Dwelling, zones: Vec<Zone>) -> Self {
         let names = zones.iter().map(|zone| zone.name.clone()).collect();
         Self { dwelling, zones, names, present: Vec::new(), pending: Vec::new(), next: 0 }
     }
 
-    /// Counts on from `next`.
+    /// Numbers events from `next` on.
     pub fn counting_from(mut self, next: u64) -> Self {
         self.next = next;
         self
     }
 
-    /// Takes the place of `others`: goes on counting, and whoever they saw leaves with the next update.
+    /// Replaces `others`: continues their numbering, and everyone they saw leaves with the next update.
     pub fn continue_from(&mut self, others: Self) {
         self.next = others.next;
         self.pending = others.pending;
         self.present = others.present;
-        // Zones are named in the configuration, which stays; should they be others, nobody is in them.
+        // Zones come from the configuration and stay the same. If there are more, nobody is in the added ones.
         self.present.iter_mut().for_each(|present| present.inside.resize(self.zones.len(), false));
     }
 
-    /// Counts people in other zones from now on. Whoever is in one that stays, by its name, is still in it if its new border says
-    /// so; whoever is in one that goes, leaves it.
+    /// Replaces the zones. People in a zone whose name remains stay in it if its new border still holds them; people in
+    /// a removed zone leave it.
     pub fn use_zones(&mut self, zones: Vec<Zone>) {
         let names: Vec<String> = zones.iter().map(|zone| zone.name.clone()).collect();
         for person in &mut self.present {
@@ -154,8 +156,8 @@ impl Events {
         (self.zones, self.names) = (zones, names);
     }
 
-    /// Takes in the tracks of an update and, for each, the seconds since its last detection; adds what happened to `events`.
-    /// Whoever is no longer among them has left.
+    /// Processes the tracks of an update and, for each, the seconds since its last detection; appends what happened to
+    /// `events`. A person whose track is missing has left.
     pub fn observe(&mut self, time: Timestamp, tracks: &[Track], unseen_s: &[f64], events: &mut Vec<Event>) {
         events.append(&mut self.pending);
         self.present.iter_mut().for_each(|present| present.there = false);
@@ -173,7 +175,7 @@ impl Events {
         }
     }
 
-    /// Who is in which zone.
+    /// The occupancy of each zone.
     pub fn occupancy(&self) -> impl Iterator<Item = Occupancy> + '_ {
         self.names.iter().enumerate().map(|(zone, name)| {
             let tracks: Vec<u64> = self.present.iter().filter(|p| p.inside[zone]).map(|p| p.id).collect();
@@ -241,7 +243,7 @@ fn push(
     *next += 1;
 }
 
-/// The time so many seconds before; the same where that is none.
+/// `time` minus `seconds`, or `time` itself if that is out of range.
 fn before(time: Timestamp, seconds: f64) -> Timestamp {
     SignedDuration::try_from_secs_f64(seconds).ok().and_then(|ago| time.checked_sub(ago).ok()).unwrap_or(time)
 }
@@ -277,7 +279,7 @@ mod tests {
             happened.drain(..).map(|e| (e.kind, e.zone, e.sequence)).collect::<Vec<_>>()
         };
         assert_eq!(observe(&mut log, 0.0).len(), 3, "enter, and both zones");
-        // The desk goes; the bed is now where they are not; a sofa comes.
+        // The desk is removed, the bed moves away from them, and a sofa is added where they are.
         let far = vec![[-1.5, 1.0], [-0.5, 1.0], [-0.5, 2.0]];
         let sofa = Zone { name: "sofa".into(), polygon_m: desk().polygon_m };
         log.use_zones(vec![sofa, Zone { name: "bed".into(), polygon_m: far }]);
@@ -293,7 +295,8 @@ mod tests {
         assert_eq!(observe(&mut log, 0.2), [], "told once");
     }
 
-    /// What one track that is at `place(t)` from `confirmed` on makes happen, in tenths of a second to `until`, unseen in the last one.
+    /// Events of one track at `place(t)`, confirmed at time `confirmed`, in steps of 0.1 s until `until`, unseen in the
+    /// last second.
     fn happened(confirmed: f64, until: f64, place: impl Fn(f64) -> Point) -> Vec<(EventKind, f64)> {
         let (mut log, mut events) = (events(), Vec::new());
         let mut k = 0;
@@ -322,7 +325,7 @@ mod tests {
 
     #[test]
     fn who_stays_dwells_once_a_place() {
-        // Six seconds here, one step, six seconds there.
+        // More than six seconds in one place, then as long in another.
         let visit = happened(0.45, 14.0, |t| if t < 6.5 { [-1.0, 2.5] } else { [-0.2, 2.5] });
         let kinds: Vec<_> = visit.iter().map(|v| v.0).collect();
         assert_eq!(kinds, [EventKind::Enter, EventKind::Dwell, EventKind::Dwell, EventKind::Exit]);

@@ -4,39 +4,39 @@ use super::Covariance;
 use super::motion::Motion;
 use crate::geometry::Point;
 
-/// A Kalman filter for one person: mean and covariance of (x, y, vx, vy), in metres and metres a second in the door frame.
+/// A Kalman filter for one person: mean and covariance of (x, y, vx, vy), in m and m/s in the door frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Filter {
     state: Vector4<f64>,
     covariance: Matrix4<f64>,
 }
 
-/// How a position fits to what a filter expects.
+/// How well a position fits a filter's expectation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fit {
-    /// Squared Mahalanobis distance, of chi-square distribution with 2 degrees of freedom.
+    /// Squared Mahalanobis distance; chi-square distributed with 2 degrees of freedom.
     pub distance2: f64,
     /// Natural log of the probability density, per m².
     pub log_density: f64,
 }
 
 impl Filter {
-    /// Somebody seen once, at any velocity that people have.
+    /// A person seen once, with the velocity distribution of `motion`.
     pub fn at(position: Point, covariance: &Covariance, motion: &Motion) -> Self {
         let mut all = Matrix4::identity() * motion.speed_m_s.powi(2);
         all.fixed_view_mut::<2, 2>(0, 0).copy_from(&matrix(covariance));
         Self { state: Vector4::new(position[0], position[1], 0.0, 0.0), covariance: all }
     }
 
-    /// What is expected `seconds` later.
+    /// Predicts the state `seconds` later.
     pub fn predict(&mut self, seconds: f64, motion: &Motion) {
         let (transition, noise) = motion.over(seconds);
         self.state = transition * self.state;
         self.covariance = transition * self.covariance * transition.transpose() + noise;
     }
 
-    /// Takes a position with its covariance in (Joseph's form, which keeps the covariance positive). Nothing changes when
-    /// the two covariances' sum has no inverse.
+    /// Updates with a measured position and its covariance (Joseph form, which keeps the covariance positive). Does
+    /// nothing if the sum of the two covariances is singular.
     pub fn update(&mut self, position: Point, covariance: &Covariance) {
         let measured = matrix(covariance);
         let Some(inverse) = (self.position_block() + measured).try_inverse() else { return };
@@ -47,9 +47,9 @@ impl Filter {
         self.covariance = 0.5 * (updated + updated.transpose());
     }
 
-    /// Takes in a position that is somewhere between this person and another, anywhere with like probability: the middle of
-    /// both plus an error along the line through them, of a twelfth of their distance's square times `frames`. Solved for
-    /// this person, the middle z = (x + x')/2 says x = 2z − x'.
+    /// Updates with a position that is uniformly distributed between this person and `other`: their midpoint plus an
+    /// error along the line through them, of variance `frames` · distance² / 12. Solved for this person, the midpoint z
+    /// = (x + x')/2 gives x = 2z − x'.
     pub fn update_shared(&mut self, position: Point, covariance: &Covariance, other: &Self, frames: f64) {
         let middle = Vector2::from(position);
         let away = (self.state - other.state).fixed_rows::<2>(0).into_owned();
@@ -59,7 +59,7 @@ impl Filter {
         self.update([place[0], place[1]], &[[all[(0, 0)], all[(0, 1)]], [all[(1, 0)], all[(1, 1)]]]);
     }
 
-    /// How a position with its covariance fits; none when the two covariances' sum has no inverse.
+    /// How well a position with its covariance fits; `None` if the sum of the two covariances is singular.
     pub fn fit(&self, position: Point, covariance: &Covariance) -> Option<Fit> {
         let spread = self.position_block() + matrix(covariance);
         let away = Vector2::from(position) - self.state.fixed_rows::<2>(0);
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn a_shared_position_moves_the_middle_of_two_there() {
-        // Both as uncertain as one another, along x; the detection is exact and beside the line through them.
+        // Two equally uncertain people along x; the detection is exact and beside the line through them.
         let motion = Motion::WALKING;
         let wide = [[0.04, 0.0], [0.0, 0.04]];
         let (left, right) = (Filter::at([-0.3, 1.0], &wide, &motion), Filter::at([0.3, 1.0], &wide, &motion));
@@ -175,11 +175,11 @@ mod tests {
         for (filter, x) in [(a, -0.3), (b, 0.3)] {
             assert!((filter.position()[0] - x).abs() < 1e-12 && (filter.position()[1] - 1.1).abs() < 1e-6);
         }
-        // Off the middle on the line through them: they are as far apart, and have hardly moved.
+        // Off the middle, but on the line through them: they hardly move.
         let mut a = left;
         a.update_shared([0.2, 1.0], &[[1e-9, 0.0], [0.0, 1e-9]], &right, 15.0);
         assert!((a.position()[0] + 0.3).abs() < 0.02 && a.position()[1] == 1.0);
-        // The joint estimate of both from the mean of two, in one go: each with half of its covariance left.
+        // Joint estimate of both from an exact midpoint: half of each covariance remains.
         let mut a = left;
         a.update_shared([0.0, 1.1], &[[1e-9, 0.0], [0.0, 1e-9]], &right, 0.0);
         assert!((a.position_covariance()[1][1] - 0.02).abs() < 1e-6);
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn errors_are_as_large_as_it_says() {
-        // NEES: errors in units of the covariance, 4 on average, over walks drawn from the model itself.
+        // NEES: squared errors in units of the covariance, 4 on average, over walks drawn from the model itself.
         let motion = Motion::WALKING;
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let normal = |rng: &mut ChaCha8Rng| -> f64 { StandardNormal.sample(rng) };
@@ -219,7 +219,7 @@ mod tests {
             inside += usize::from(place.dot(&(filter.position_block().try_inverse().unwrap() * place)) < 5.991);
             count += 1;
         }
-        // Of 1500: the mean's standard deviation is √8/√1500 = 0.073, the share's 0.0056.
+        // Over 1500 walks, the standard deviation of the mean is √8/√1500 = 0.073, that of the share 0.0056.
         let (nees, share) = (sum / count as f64, inside as f64 / count as f64);
         assert!((nees - 4.0).abs() < 0.3, "{nees}");
         assert!((share - 0.95).abs() < 0.025, "{share}");

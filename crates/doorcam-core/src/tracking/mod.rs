@@ -1,7 +1,7 @@
-//! People, from what changed in one frame to who is where.
+//! Finds and tracks people, and reports what they do.
 //!
-//! A [`Detection`] is what one frame says about somebody; a [`Track`] is what all frames so far say. A [`Tracker`] makes
-//! tracks from detections, [`Events`] what people do from tracks.
+//! A [`Detection`] is what one frame says about a person; a [`Track`] is what all frames so far say. A [`Tracker`]
+//! turns detections into tracks, and [`Events`] turns tracks into events.
 
 mod association;
 mod colour;

@@ -1,25 +1,25 @@
 use nalgebra::Matrix4;
 
-/// How people move, as a filter is told: position is the integral of a velocity that forgets itself and is kicked at random
-/// (an integrated Ornstein-Uhlenbeck process),
+/// The filter's model of how people move: position is the integral of a velocity that decays and is driven by white
+/// noise (an integrated Ornstein-Uhlenbeck process),
 ///
 /// ```text
 /// dx = v dt,   dv = −v/τ dt + √q dW,   q = 2σ²/τ,   in x and in y alike.
 /// ```
 ///
-/// Its velocity has variance σ² at all times: nobody is expected to be faster than people are, and who is not seen slows
-/// down instead of running away. For times well below τ it is the constant-velocity model with white acceleration of density
-/// q. The steps below are exact for any length of time, so that two short steps equal a long one.
+/// The velocity has variance σ² at all times, so expected speeds stay realistic and an unseen person slows down instead
+/// of running away. For times well below τ this is the constant-velocity model with white acceleration of density q.
+/// Steps are exact for any length of time, so two short steps equal one long step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Motion {
-    /// σ, the velocity's standard deviation along each axis, in metres a second.
+    /// σ, the standard deviation of the velocity along each axis, in m/s.
     pub speed_m_s: f64,
-    /// τ, the time in which people change their mind, in seconds.
+    /// τ, the correlation time of the velocity, in seconds.
     pub memory_s: f64,
 }
 
 impl Motion {
-    /// People indoors: a speed of 1 m/s (root mean square, over both axes), stops and turns every other second.
+    /// People indoors: an RMS speed of 1 m/s over both axes, with a stop or turn about every other second.
     pub const WALKING: Motion = Motion { speed_m_s: 0.7, memory_s: 1.5 };
 
     /// F and Q over `seconds` (0 or more): the state (x, y, vx, vy) becomes F state + noise of covariance Q.
@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn a_step_is_the_integral_of_the_differential_equation() {
-        // dP/dt = A P + P Aᵀ + G and dF/dt = A F, in many small steps of the midpoint rule.
+        // dP/dt = A P + P Aᵀ + G and dF/dt = A F, integrated in small steps by the midpoint rule.
         let motion = Motion { speed_m_s: 0.8, memory_s: 1.3 };
         let mut a = Matrix4::zeros();
         let mut g = Matrix4::zeros();
@@ -82,7 +82,7 @@ mod tests {
 
     #[test]
     fn it_is_the_constant_velocity_model_while_nothing_is_forgotten() {
-        // q stays as memory and speed grow together.
+        // τ and σ grow together, so that q stays constant.
         let (density, t) = (0.6_f64, 0.4_f64);
         let memory_s = 1e6;
         let motion = Motion { speed_m_s: (density * memory_s / 2.0).sqrt(), memory_s };
@@ -90,7 +90,7 @@ mod tests {
         assert!((f[(0, 2)] - t).abs() < 1e-6 && (f[(2, 2)] - 1.0).abs() < 1e-6);
         assert!((q[(2, 2)] - density * t).abs() < 1e-6);
         assert!((q[(1, 3)] - density * t * t / 2.0).abs() < 1e-6);
-        // Cancellation leaves fewer digits here than at any memory that people have.
+        // A smaller τ here, because cancellation leaves fewer digits in Q_xx.
         assert!(
             (Motion { memory_s: 1e3, speed_m_s: (density * 500.0_f64).sqrt() }.over(t).1[(0, 0)]
                 - density * t.powi(3) / 3.0)

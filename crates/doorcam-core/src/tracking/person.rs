@@ -4,57 +4,60 @@ use super::motion::Motion;
 use super::tracker::TrackerSettings;
 use super::{Detection, Track, TrackState};
 
-/// Probability that one frame shows a person who is there. Kept low: who stands in another's shadow is missed for a while.
+/// Probability that a frame shows a person who is there. Low, because somebody in another person's shadow is missed for
+/// a while.
 const DETECTED: f64 = 0.55;
-/// False detections, and people seen for the first time, a frame and m² of floor.
+/// Rate of false detections and first sightings, per frame and m² of floor.
 const UNEXPECTED_PER_M2: f64 = 0.02;
-/// Frames closer than this many seconds say partly the same, as they share the map's errors; evidence counts by time.
+/// Frames less than this many seconds apart share errors of the map, so their evidence is weighted by time.
 const INDEPENDENT_S: f64 = 0.1;
-/// A position as far from the expected one is somebody else's: the 99.9 % quantile of chi-square with 2 degrees of freedom.
+/// Squared Mahalanobis distance beyond which a detection is not this person's: the 99.9 % quantile of chi-square with 2
+/// degrees of freedom.
 const GATE: f64 = 13.8155;
-/// Log likelihood ratio at which somebody is there.
+/// Log likelihood ratio at which a person is confirmed.
 const CONFIRMED_AT: f64 = 6.0;
-/// As much more is asked of who may be a second image of another.
+/// Additional log likelihood ratio required of somebody who may be a second image of another person.
 const DOUBT: f64 = 6.0;
-/// Evidence beyond this does not count: it is what a confirmed person's coasting uses up.
+/// Largest score. It limits how long a confirmed person can coast.
 const SCORE_CAP: f64 = 12.0;
-/// Who may be a false alarm is given up at this score.
+/// Score at which an unconfirmed person is given up.
 const GIVEN_UP_AT: f64 = -2.0;
-/// Detections without which nobody is confirmed.
+/// Fewest detections for confirmation.
 const FEWEST: u32 = 3;
-/// Unseen for this many seconds, a person is said to coast; one or two missed frames are nothing to tell.
+/// Seconds unseen after which a person is reported as coasting; one or two missed frames are not worth reporting.
 const UNNOTED_S: f64 = 0.25;
-/// Two people who pass one another are seen as one for about this long, in seconds.
+/// About how long two people who pass each other are seen as one, in seconds.
 const MEETING_S: f64 = 1.0;
-/// Who was noticed this many seconds ago may begin to be seen as one with somebody else.
+/// A person noticed at most this many seconds ago may begin to be seen as one with another.
 const NOTICED_S: f64 = 0.4;
-/// A person who may be anywhere within this many metres (one standard deviation) is lost.
+/// Standard deviation of the position, in metres, above which a person is lost.
 const LOST_AT_SD_M: f64 = 1.0;
 
-/// Who is followed may be this far beyond where people begin to be, in metres.
+/// How far a confirmed person may go beyond the area where tracks can begin, in metres.
 const OUT_M: f64 = 0.2;
-/// Times are sums of differences of the frames' times: rounding must not cost or add a frame.
+/// Tolerance in seconds, so that rounding of summed time differences does not cost or add a frame.
 const ROUNDING_S: f64 = 1e-6;
 
-/// Somebody who is followed: where, what colour, and the evidence that they are there.
+/// A tracked person: position, colour, and the evidence that they are there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Person {
     pub id: u64,
     pub filter: Filter,
     pub confirmed: bool,
     colour: Colour,
-    /// Log likelihood ratio of somebody to false alarms.
+    /// Log likelihood ratio of a person to false alarms.
     score: f64,
+    /// Score required for confirmation.
     needed: f64,
     detections: u32,
     first_s: f64,
     last_s: f64,
-    /// When they were last seen, by themselves or as one with another.
+    /// When they were last seen, alone or as one with another.
     noticed_s: f64,
 }
 
 impl Person {
-    /// Seen for the first time, at a time of the tracker's clock. One who is `doubtful` has to show more.
+    /// A person seen for the first time, at `now_s` on the tracker's clock. A `doubtful` one needs more evidence.
     pub fn new(id: u64, seen: &Detection, doubtful: bool, now_s: f64) -> Self {
         Self {
             id,
@@ -70,8 +73,8 @@ impl Person {
         }
     }
 
-    /// Log of how much more likely it is that the detection is of this person than that it is something else and the person
-    /// went unseen; none beyond the gate.
+    /// Log likelihood ratio of the detection being this person to it being something else and the person going unseen;
+    /// `None` beyond the gate.
     pub fn gain(&self, seen: &Detection) -> Option<f64> {
         let fit = self.filter.fit(seen.position, &seen.covariance).filter(|fit| fit.distance2 <= GATE)?;
         let detected = DETECTED * if self.confirmed { 1.0 } else { 1.0 / (1.0 + (-self.score).exp()) };
@@ -79,9 +82,9 @@ impl Person {
         Some((detected / (1.0 - detected)).ln() + fit.log_density - UNEXPECTED_PER_M2.ln() + colour)
     }
 
-    /// Takes the detection in, `seconds` after the last frame.
+    /// Processes this person's detection, `seconds` after the last frame.
     ///
-    /// With `other`, somebody who goes without a detection and may be in this one: it is then of neither's colour.
+    /// `other` is somebody without a detection who may share this one; its colour then belongs to neither.
     pub fn see(&mut self, seen: &Detection, other: Option<&Filter>, seconds: f64, now_s: f64) {
         if let Some(Fit { log_density, .. }) = self.filter.fit(seen.position, &seen.covariance) {
             let evidence = (DETECTED / UNEXPECTED_PER_M2).ln() + log_density;
@@ -99,22 +102,23 @@ impl Person {
         self.noticed_s = now_s;
     }
 
-    /// Takes in that this person and another one are seen as one, `seconds` after the last frame.
+    /// Processes a detection in which this person and another are seen as one, `seconds` after the last frame.
     pub fn meet(&mut self, seen: &Detection, other: &Filter, seconds: f64, now_s: f64) {
         self.noticed_s = now_s;
-        // Where between them the detection is does not change from frame to frame: as white noise, that has as many times the
-        // variance as there are frames in a meeting.
+        // Where the detection lies between the two is the same error in every frame of a meeting. To treat it as white
+        // noise, its variance is multiplied by the number of frames.
         let frames = (MEETING_S / seconds.max(MEETING_S / 100.0)).max(1.0);
         self.filter.update_shared(seen.position, &seen.covariance, other, frames);
     }
 
-    /// Whether they may be in somebody else's detection, `seconds` after the last frame: a confirmed person who was seen there a
-    /// moment ago, by themselves or with the other. Who has long been lost may be anywhere, and is not to be found in everyone.
+    /// Whether this person may share somebody else's detection, `seconds` after the last frame: if confirmed and
+    /// noticed a moment ago, alone or with the other. Somebody lost for longer could be anywhere, and would be found in
+    /// everyone.
     pub fn may_meet(&self, seconds: f64, now_s: f64) -> bool {
         self.confirmed && now_s - self.noticed_s <= seconds.max(NOTICED_S) + ROUNDING_S
     }
 
-    /// Takes in that a frame, `seconds` after the last one, does not show them.
+    /// Processes a frame, `seconds` after the last one, that does not show this person.
     pub fn miss(&mut self, seconds: f64, settings: &TrackerSettings) {
         self.score -= if self.confirmed {
             SCORE_CAP * seconds / settings.coast_s
@@ -123,7 +127,7 @@ impl Person {
         };
     }
 
-    /// Whether there is evidence enough that somebody is there, from long enough.
+    /// Whether there is enough evidence, over a long enough time, to confirm this person.
     pub fn is_evident(&self, settings: &TrackerSettings) -> bool {
         let long_s = settings.confirm_s * self.needed / CONFIRMED_AT;
         self.score >= self.needed && self.detections >= FEWEST && self.last_s - self.first_s >= long_s - ROUNDING_S
@@ -132,7 +136,7 @@ impl Person {
     /// Whether to stop following.
     pub fn is_over(&self, now_s: f64, settings: &TrackerSettings) -> bool {
         let unseen_s = now_s - self.last_s;
-        // Who was there may well be seen to go a step beyond the walls; nobody begins there.
+        // A confirmed person may be seen a step beyond the walls, but nobody begins there.
         let gone =
             unseen_s > 0.0 && !settings.holds_within(self.filter.position(), if self.confirmed { OUT_M } else { 0.0 });
         let lost = unseen_s > 0.0 && self.filter.position_sd_m() > LOST_AT_SD_M;
@@ -145,7 +149,7 @@ impl Person {
         now_s - self.last_s
     }
 
-    /// How sure they are.
+    /// State of the track.
     pub fn state(&self, now_s: f64) -> TrackState {
         match self.confirmed {
             false => TrackState::Tentative,
@@ -154,7 +158,7 @@ impl Person {
         }
     }
 
-    /// As updates report them.
+    /// The track that updates report.
     pub fn track(&self, now_s: f64) -> Track {
         let [x_m, y_m] = self.filter.position();
         let [vx_m_s, vy_m_s] = self.filter.velocity();

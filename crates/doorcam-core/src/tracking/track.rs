@@ -2,7 +2,7 @@ use serde::Serialize;
 
 use crate::scene::Rgb;
 
-/// A symmetric 2 x 2 matrix [[xx, xy], [xy, yy]].
+/// Covariance of a position: a symmetric 2 x 2 matrix [[xx, xy], [xy, yy]], in m².
 pub type Covariance = [[f64; 2]; 2];
 
 /// How sure a track is.
@@ -10,11 +10,11 @@ pub type Covariance = [[f64; 2]; 2];
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum TrackState {
-    /// It may be a false alarm yet.
+    /// It may still be a false alarm.
     Tentative,
     /// Somebody is there.
     Confirmed,
-    /// Somebody was there; the last frames show nobody, and this is where they are expected to be.
+    /// Somebody was there, but the last frames do not show them; the position is where they are expected to be.
     Coasting,
 }
 
@@ -22,24 +22,24 @@ pub enum TrackState {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Track {
-    /// Never used again for anybody else, in no other run either where those are kept.
+    /// Number of the track. It is never reused, not in later runs either if the history is kept.
     pub id: u64,
-    /// How sure it is.
+    /// How sure the track is.
     pub state: TrackState,
-    /// The body's axis, in metres in the door frame.
+    /// Position of the body's axis to the right, in metres in the door frame.
     pub x_m: f64,
-    /// The same, into the room.
+    /// Position of the body's axis into the hidden room, in metres in the door frame.
     pub y_m: f64,
-    /// Velocity, in metres a second.
+    /// Velocity to the right, in metres per second.
     pub vx_m_s: f64,
-    /// The same, into the room.
+    /// Velocity into the hidden room, in metres per second.
     pub vy_m_s: f64,
     /// Covariance of the position, in m².
     #[cfg_attr(feature = "schema", schema(value_type = crate::schema::Covariance))]
     pub covariance_m2: Covariance,
-    /// Radiance against what is behind, relative to full scale; negative where the body is darker.
+    /// Radiance relative to what is behind the body, as a share of full scale; negative where the body is darker.
     #[cfg_attr(feature = "schema", schema(value_type = crate::schema::Rgb))]
     pub rgb: Rgb,
-    /// Seconds since it was first seen.
+    /// Seconds since the first detection.
     pub age_s: f64,
 }

@@ -6,38 +6,38 @@ use super::{Covariance, Detection, Track, TrackState};
 use crate::geometry::{Point, Room};
 use crate::scene::Rgb;
 
-/// Two estimates of a place may be of one body while their squared Mahalanobis distance is below this: the 99 % quantile of
+/// Squared Mahalanobis distance below which two estimates of a place may be of the same body: the 99 % quantile of
 /// chi-square with 2 degrees of freedom.
 const SAME_PLACE: f64 = 9.2103;
 
-/// A detection may be of two people at once while it is at most this much better (log likelihood) for the one than the other.
+/// Largest difference in log likelihood between two people at which a detection may be of both.
 const MEETING: f64 = 3.0;
 
-/// What a tracker needs to know of a room and its users' wishes.
+/// Settings of a [`Tracker`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackerSettings {
-    /// Where people are.
+    /// The part of the hidden side where people are.
     pub room: Room,
-    /// They may also be this far outside of it, in metres.
+    /// How far outside the room people may also be, in metres.
     pub margin_m: f64,
-    /// A person's radius, in metres: no two are nearer than twice that.
+    /// Radius of a person, in metres. No two people are closer than twice this.
     pub body_radius_m: f64,
-    /// For how long a person must be seen to be confirmed, in seconds.
+    /// How long a person must be seen to be confirmed, in seconds.
     pub confirm_s: f64,
-    /// For how long a confirmed person is followed without being seen, in seconds; above 0. One who was only just confirmed:
-    /// for less.
+    /// How long a confirmed person is followed without being seen, in seconds; above 0. Shorter for somebody only just
+    /// confirmed.
     pub coast_s: f64,
-    /// Confirmed people at once at most, and as many who are not confirmed yet.
+    /// Most people confirmed at once, and most people not yet confirmed.
     pub max_people: usize,
 }
 
 impl TrackerSettings {
-    /// Whether a person can be there.
+    /// Whether a person can be at `point` (m, door frame).
     pub fn holds(&self, point: Point) -> bool {
         self.holds_within(point, 0.0)
     }
 
-    /// The same with so many metres more around.
+    /// Like [`Self::holds`], with a margin that is `more_m` metres wider.
     pub fn holds_within(&self, [x, y]: Point, more_m: f64) -> bool {
         let margin_m = self.margin_m + more_m;
         x.abs() <= self.room.half_width_m + margin_m && (-margin_m..=self.room.depth_m + margin_m).contains(&y)
@@ -47,23 +47,23 @@ impl TrackerSettings {
 /// Where somebody is expected to be seen next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
-    /// The track's.
+    /// Id of the track.
     pub id: u64,
-    /// How sure it is that there is somebody.
+    /// How sure the track is.
     pub state: TrackState,
-    /// In metres in the door frame.
+    /// Expected position, in metres in the door frame.
     pub position: Point,
     /// Covariance of the position, in m².
     pub covariance: Covariance,
-    /// Radiance against what is behind, relative to full scale, averaged over the last seconds.
+    /// Radiance relative to what is behind the body, as a share of full scale, averaged over the last seconds.
     pub rgb: Rgb,
 }
 
-/// Follows people through detections: a Kalman filter each, one global assignment of detections to people a frame, and a
-/// score (log likelihood ratio) of somebody being there (docs/tracking.md has the equations).
+/// Tracks people from detections: a Kalman filter per person, one global assignment of detections to people per frame,
+/// and a score (log likelihood ratio) that somebody is there. docs/tracking.md has the equations.
 ///
-/// All of it goes by the frames' seconds, not by their number, and depends on nothing but what it was given. Once a scene's
-/// number of people and detections was reached, a step needs no memory unless two people want the same detection.
+/// Everything depends on the times of the frames, not on their number, and is deterministic. Once the largest number of
+/// people and detections has been reached, a step allocates nothing unless two people want the same detection.
 #[derive(Debug, Clone)]
 pub struct Tracker {
     settings: TrackerSettings,
@@ -72,14 +72,14 @@ pub struct Tracker {
     unseen_s: Vec<f64>,
     association: Association,
     next_id: u64,
-    /// The last frame's seconds, as given.
+    /// Time of the last frame, as given.
     seconds: Option<f64>,
-    /// Seconds that have passed, whatever the frames' clock did.
+    /// The tracker's clock: seconds that have passed, whatever the frames' clock did.
     now_s: f64,
 }
 
 impl Tracker {
-    /// Nobody is there yet.
+    /// A tracker that follows nobody yet.
     pub fn new(settings: TrackerSettings) -> Self {
         Self {
             settings,
@@ -93,7 +93,7 @@ impl Tracker {
         }
     }
 
-    /// Whom the frames so far show, the longest known first.
+    /// The tracks after the last frame, oldest first.
     pub fn tracks(&self) -> &[Track] {
         &self.tracks
     }
@@ -103,30 +103,30 @@ impl Tracker {
         &self.unseen_s
     }
 
-    /// The last frame's seconds; none before the first one.
+    /// Time of the last frame, in seconds; `None` before the first one.
     pub fn seconds(&self) -> Option<f64> {
         self.seconds
     }
 
-    /// Forgets everybody. Ids are not used again.
+    /// Drops all tracks. Ids are not reused.
     pub fn reset(&mut self) {
         self.people.clear();
         self.seconds = None;
         self.report();
     }
 
-    /// Takes the place of another tracker: its ids are not used again.
+    /// Replaces another tracker: its ids are not reused.
     pub fn continue_from(&mut self, other: &Self) {
         self.next_id = self.next_id.max(other.next_id);
     }
 
-    /// Gives no ids below `next`.
+    /// Assigns no ids below `next`.
     pub fn counting_from(mut self, next: u64) -> Self {
         self.next_id = self.next_id.max(next);
         self
     }
 
-    /// Where those who are followed are expected at a frame's time, in seconds.
+    /// Where tracked people are expected at a frame's time, in seconds.
     pub fn predictions(&self, seconds: f64) -> impl Iterator<Item = Prediction> + '_ {
         let elapsed = self.elapsed(seconds).unwrap_or(0.0);
         self.people.iter().zip(&self.tracks).map(move |(person, track)| {
@@ -142,10 +142,10 @@ impl Tracker {
         })
     }
 
-    /// Takes in what the frame of that time shows. Detections that are not finite or whose covariance is none are ignored.
+    /// Processes the detections of a frame. Detections that are not finite or have no valid covariance are ignored.
     ///
-    /// A frame that is no later than the last one counts as of the same moment. Nobody is followed over a gap, or a jump
-    /// back, of more than `coast_s`.
+    /// A frame that is not later than the last one counts as simultaneous with it. All tracks end at a gap, or a jump
+    /// back in time, of more than `coast_s`.
     pub fn step(&mut self, seconds: f64, detections: &[Detection]) {
         let elapsed = self.elapsed(seconds).unwrap_or_else(|| {
             self.people.clear();
@@ -165,10 +165,10 @@ impl Tracker {
         self.report();
     }
 
-    /// Seconds from the last frame to one of that time; none if too much lies between.
+    /// Seconds from the last frame to one at that time; `None` if they are too far apart.
     fn elapsed(&self, seconds: f64) -> Option<f64> {
         let elapsed = seconds - self.seconds.unwrap_or(seconds);
-        // A time that is not finite is none: the frame is as of the last one's.
+        // A frame whose time is not finite counts as simultaneous with the last one.
         (!elapsed.is_finite() || elapsed.abs() <= self.settings.coast_s + 1e-6)
             .then_some(if elapsed > 0.0 && elapsed.is_finite() { elapsed } else { 0.0 })
     }
@@ -187,7 +187,8 @@ impl Tracker {
 
     fn update(&mut self, elapsed: f64, detections: &[Detection]) {
         for i in 0..self.people.len() {
-            // One detection of two people is evidence of one: the one who was seen last, or both would keep the other up.
+            // A detection shared by two people is evidence for only one of them, the one who was seen last. Otherwise
+            // the two would keep each other alive.
             if let Some((_, k)) = self.meeting(i, elapsed)
                 && self.people[k].unseen_s(self.now_s) < self.people[i].unseen_s(self.now_s)
             {
@@ -211,8 +212,8 @@ impl Tracker {
         people.retain(|person| !person.is_over(*now_s, settings));
     }
 
-    /// A person's detection, and who else may be in it: of those who go without one and were there a moment ago, whoever it
-    /// fits best, if that is nearly as well.
+    /// The person's detection and another person who may share it: among those without a detection who were noticed a
+    /// moment ago, the one it fits best, if it fits nearly as well.
     fn meeting(&self, i: usize, elapsed: f64) -> Option<(usize, usize)> {
         let Self { people, association, now_s, .. } = self;
         let partners = association.partners();
@@ -225,7 +226,7 @@ impl Tracker {
         people[i].confirmed.then_some((j, other))
     }
 
-    /// Begins to follow who is seen inside the room and is nobody that is followed already.
+    /// Starts tracks for detections inside the room that belong to nobody tracked so far.
     fn begin(&mut self, detections: &[Detection]) {
         for (j, detection) in detections.iter().enumerate() {
             if self.association.is_taken(j) || !is_usable(detection) || !self.settings.holds(detection.position) {
@@ -245,7 +246,7 @@ impl Tracker {
         }
     }
 
-    /// Confirms who is evident, and drops who turns out to be where somebody else is.
+    /// Confirms people with enough evidence, and drops unconfirmed people who overlap a confirmed one.
     fn confirm(&mut self) {
         let mut confirmed = self.people.iter().filter(|p| p.confirmed).count();
         for i in 0..self.people.len() {
@@ -269,7 +270,7 @@ impl Tracker {
         }
     }
 
-    /// Whether bodies at these places would be in one another.
+    /// Whether bodies at these places would overlap.
     fn touch(&self, a: Point, b: Point) -> bool {
         (a[0] - b[0]).hypot(a[1] - b[1]) < 2.0 * self.settings.body_radius_m
     }

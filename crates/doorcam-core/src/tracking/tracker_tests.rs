@@ -1,4 +1,4 @@
-//! Walks in a room of known noise, through the tracker.
+//! Simulated walks with known noise, run through the tracker.
 
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
@@ -20,7 +20,7 @@ const SETTINGS: TrackerSettings = TrackerSettings {
 const GREY: Rgb = [-0.03, -0.03, -0.03];
 const RED: Rgb = [-0.005, -0.04, -0.04];
 
-/// What a doorway's geometry gives: 12 cm along the line of sight, 4 cm across.
+/// Errors typical of a doorway's geometry: 12 cm along the line of sight, 4 cm across.
 fn covariance([x, y]: Point) -> Covariance {
     let range2 = x * x + y * y;
     let (along, across) = (0.12_f64.powi(2), 0.04_f64.powi(2));
@@ -75,7 +75,7 @@ fn nearest(tracks: &[Track], [x, y]: Point) -> Option<Track> {
     tracks.iter().copied().filter(|t| far(t) < 0.5).min_by(|a, b| far(a).total_cmp(&far(b)))
 }
 
-/// A round walk at 0.9 m/s.
+/// A walk in a circle at 0.9 m/s.
 fn round(t: f64) -> Point {
     [0.8 * (1.1 * t).cos(), 1.6 + 0.8 * (1.1 * t).sin()]
 }
@@ -114,7 +114,7 @@ fn confirmation_takes_time_not_frames() {
         let mut late = 0;
         for seed in 0..200 {
             let (mut tracker, mut noise) = (tracker(), Noise::new(seed));
-            // Four frames of five show them, the first one among them.
+            // Four of five frames show them, including the first.
             let found = (0..).map(|k| f64::from(k) / fps).find(|&t| {
                 let seen = t == 0.0 || noise.uniform() < 0.8;
                 let detection = noise.seen(round(t), GREY);
@@ -125,7 +125,7 @@ fn confirmation_takes_time_not_frames() {
             assert!(found > 0.39, "{found}");
             late += usize::from(found > latest + 0.01);
         }
-        // At 5 frames a second, two of the three frames after the first have to show them: 90 % of cases.
+        // At 5 frames a second, two of the three frames after the first must show them: 90 % of cases.
         assert!(late <= 40, "{fps} frames a second: {late} of 200 after {latest} s");
     }
 }
@@ -169,7 +169,7 @@ fn false_detections_alone_make_nobody() {
     assert_eq!(confirmations, 0);
 }
 
-/// Two people who pass one another, and whether each has one track from two seconds to the end.
+/// Lets two people pass each other; returns whether each keeps one track to the end.
 fn crossing(seed: u64, colours: [Rgb; 2], passing_m: f64, merge_m: f64, speed: f64) -> bool {
     let (mut tracker, mut noise) = (tracker(), Noise::new(seed));
     let mut ids: [Option<u64>; 2] = [None; 2];
@@ -318,7 +318,7 @@ fn who_leaves_the_room_ends_sooner() {
         k += 1;
     }
     assert_eq!(confirmed(&tracker).len(), 1);
-    // At a metre a second: 0.4 m beyond the wall in half of `coast_s`.
+    // At 1 m/s they are 0.4 m beyond the wall after half of `coast_s`.
     for unseen in 0..8 {
         tracker.step(0.1 * (k + unseen) as f64, &[]);
     }
@@ -334,7 +334,7 @@ fn nobody_begins_outside_the_room_or_in_somebody() {
         assert_eq!(tracker.tracks(), []);
     }
     for k in 20..60 {
-        // A person seen twice, a body's radius from themselves.
+        // One person seen as two detections, about a body's radius apart.
         tracker.step(0.1 * k as f64, &[at([0.0, 1.5], GREY), at([0.2, 1.6], GREY)]);
         assert_eq!(tracker.tracks().len(), 1);
     }
@@ -347,7 +347,7 @@ fn who_stands_beside_somebody_takes_longer_and_is_found() {
     for k in 0..20 {
         tracker.step(0.1 * k as f64, &[first]);
     }
-    // 0.45 m behind: within the noise of the same line of sight, yet not within the body.
+    // 0.45 m behind: within the noise along the line of sight, but outside the body.
     let uncertain = [[0.01, 0.0], [0.0, 0.09]];
     let second = Detection { covariance: uncertain, ..at([0.0, 2.45], GREY) };
     let found = (20..60).find(|&k| {
@@ -423,7 +423,7 @@ fn there_are_never_more_people_than_allowed() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
+    #![proptest_config(crate::testing::cases(40))]
     #[test]
     fn mirrored_rooms_have_mirrored_tracks_and_the_same_input_the_same_tracks(seed in 0..1000_u64) {
         let (mut plain, mut again, mut mirrored) = (tracker(), tracker(), tracker());

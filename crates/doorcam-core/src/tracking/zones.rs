@@ -2,11 +2,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::Point;
 
-/// Who stands on a border would come and go with every breath: a zone is left this far outside of it, in metres.
+/// A zone is left only this far outside its border, in metres, so that somebody on the border does not keep entering
+/// and leaving.
 const BORDER_M: f64 = 0.15;
-/// Zones smaller than this many m² hold nobody.
+/// Smallest area of a zone, in m².
 const SMALLEST_M2: f64 = 0.01;
-/// Corners that a zone may have.
+/// Most corners of a zone.
 const MOST_CORNERS: usize = 100;
 
 /// A named part of the room's floor: `[[zones]]`.
@@ -14,35 +15,40 @@ const MOST_CORNERS: usize = 100;
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Zone {
-    /// What people call it.
+    /// Name of the zone.
     pub name: String,
-    /// Its corners in order, either way round, in metres in the door frame.
+    /// Corners in order, clockwise or counterclockwise, in metres in the door frame.
     #[cfg_attr(feature = "schema", schema(value_type = Vec<crate::schema::Point>))]
     pub polygon_m: Vec<Point>,
 }
 
-/// Why corners make no zone. Corners are counted from 1.
+/// Why a polygon is not a valid zone. Corners are counted from 1.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ZoneError {
-    /// Too few or too many.
+    /// Too few or too many corners.
     #[error("has {0} points, expected 3 to {MOST_CORNERS}")]
     Count(usize),
     /// A coordinate is NaN, infinite or kilometres away.
     #[error("has a point {0} that is not two numbers between -1000 and 1000 (metres)")]
     NotAPlace(usize),
-    /// Twice the same.
+    /// The same corner twice.
     #[error("has points {0} and {1} in the same place, expected each corner once")]
     Repeated(usize, usize),
     /// Sides that meet other than at their common corner.
     #[error("crosses or touches itself: the side after point {0} and the one after point {1} meet")]
     Crossing(usize, usize),
-    /// No area.
+    /// Too small an area.
     #[error("encloses {0:.4} m2, expected at least {SMALLEST_M2} m2")]
     TooSmall(f64),
 }
 
 impl Zone {
-    /// Whether its corners enclose an area once.
+    /// Checks that the polygon is simple and large enough.
+    ///
+    /// # Errors
+    ///
+    /// If the number of corners is out of range, a corner is not a valid place or repeated, the border meets itself, or
+    /// the area is too small.
     pub fn check(&self) -> Result<(), ZoneError> {
         let corners = &self.polygon_m;
         let count = corners.len();
@@ -78,7 +84,7 @@ impl Zone {
         Ok(())
     }
 
-    /// Whether a point is in it: a ray from there crosses the border an odd number of times.
+    /// Whether a point is inside: a ray from it crosses the border an odd number of times.
     pub fn contains(&self, [x, y]: Point) -> bool {
         self.sides().fold(false, |inside, [a, b]| {
             // A corner belongs to one of its two sides only.
@@ -87,7 +93,7 @@ impl Zone {
         })
     }
 
-    /// Whether somebody is in it now who was or was not before: whoever is inside, and whoever was and is still at its border.
+    /// Whether somebody at `point` is in the zone: inside, or in it `before` and still within 0.15 m of its border.
     pub fn holds(&self, point: Point, before: bool) -> bool {
         self.contains(point) || (before && self.border_m(point) <= BORDER_M)
     }
@@ -124,7 +130,7 @@ fn meet([a, b]: [Point; 2], [c, d]: [Point; 2]) -> bool {
     !apart(0) && !apart(1) && !beside(turn(a, b, c), turn(a, b, d)) && !beside(turn(c, d, a), turn(c, d, b))
 }
 
-/// Whether a side goes back over the one before.
+/// Whether a side runs back over the previous one.
 fn folds_back([a, b]: [Point; 2], [_, c]: [Point; 2]) -> bool {
     turn(a, b, c) == 0.0 && (a[0] - b[0]) * (c[0] - b[0]) + (a[1] - b[1]) * (c[1] - b[1]) > 0.0
 }
@@ -139,7 +145,7 @@ mod tests {
         Zone { name: "bed".into(), polygon_m: polygon_m.to_vec() }
     }
 
-    /// A room's corner: the square [0, 2]² without [1, 2]².
+    /// An L shape: the square [0, 2]² without [1, 2]².
     const L: [Point; 6] = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]];
 
     #[test]
@@ -184,7 +190,7 @@ mod tests {
 
         #[test]
         fn a_star_is_no_zone_and_its_points_in_order_are(angles in prop::collection::vec(0.1..1.0_f64, 5)) {
-            // Around the origin in order: simple. Every second one: a pentagram.
+            // In order around the origin the corners form a simple polygon; taking every second one gives a pentagram.
             let sum: f64 = angles.iter().sum();
             let mut at = 0.0;
             let round: Vec<Point> = angles.iter().map(|a| {

@@ -1,13 +1,13 @@
-//! Light from what stands anywhere in the room, not on the grid: a person's outline, and smooth light of the walls.
+//! Light from objects that are not on the grid: a person's outline, and smooth light from the walls.
 //!
-//! With azimuth φ and elevation ε, a Lambertian surface of radiance L adds L sin ε cos ε dε dφ to a floor point (the factor
-//! albedo / π left out, as everywhere). Something that stands on the floor ρ away and is H high fills the elevations with
-//! tan ε <= H / ρ, so that each azimuth of it adds ½ L H² / (ρ² + H²): eq. 2 with the radiometric law, integrated over
-//! height in closed form.
+//! With azimuth φ and elevation ε, a Lambertian surface of radiance L adds L sin ε cos ε dε dφ to a floor point (the
+//! factor albedo / π is left out, as everywhere). Something of height H that stands on the floor at distance ρ fills
+//! the elevations with tan ε <= H / ρ, so each azimuth of it adds ½ L H² / (ρ² + H²): eq. 2 with the radiometric law,
+//! integrated over height in closed form.
 
 use crate::geometry::{Doorway, Point, Room};
 
-/// A vertical cylinder that stands on the floor.
+/// A person, modelled as a vertical cylinder on the floor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body {
     /// Its axis, in metres in the door frame.
@@ -18,8 +18,8 @@ pub struct Body {
     pub height_m: f64,
 }
 
-/// A floor point of the visible side, and the azimuths (0 straight into the room, positive to the right) under which it sees
-/// the room through both faces of the wall.
+/// A floor point of the visible side and the range of azimuths, in radians, in which it sees the hidden room through
+/// both faces of the wall. Azimuth 0 points straight into the room, positive to the right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FloorView {
     point: Point,
@@ -28,7 +28,7 @@ pub struct FloorView {
 }
 
 impl FloorView {
-    /// What a floor point sees. One that sees nothing has no azimuths.
+    /// The view from a floor point, in metres in the door frame. The range is empty if the point sees nothing.
     pub fn new(doorway: &Doorway, point: Point) -> Self {
         let [x, y] = point;
         let half = doorway.half_width();
@@ -38,8 +38,8 @@ impl FloorView {
         Self { point, first, last }
     }
 
-    /// Light from a body of unit radiance, per steradian: the azimuths of its outline that are seen, times ½ H² / (ρ² + H²)
-    /// at its axis, or where the lintel cuts if that is lower.
+    /// Light from a body of unit radiance (per steradian): the visible part of its outline's azimuths, times
+    /// ½ H² / (ρ² + H²) at its axis or at the lintel, whichever is lower.
     pub fn body(&self, doorway: &Doorway, body: &Body) -> f64 {
         let (dx, dy) = (body.centre[0] - self.point[0], body.centre[1] - self.point[1]);
         let distance2 = dx * dx + dy * dy;
@@ -52,10 +52,11 @@ impl FloorView {
         0.5 * seen * share(body.height_m, distance2).min(self.lintel(doorway, dy * dy / distance2))
     }
 
-    /// Light from the walls of a room whose radiance along azimuth a, seen from the middle of the doorway, is
-    /// cos k (a + π/2), k = 0 .. modes: the smooth changes that a person's shadows and reflections make.
+    /// Light from walls of height `height_m`, one value per mode. In mode k, the walls' radiance is cos(k (a + π/2)) at
+    /// the azimuth a seen from the middle of the doorway. The modes model the smooth changes that a person's shadows
+    /// and reflections cause.
     pub fn walls(&self, doorway: &Doorway, room: &Room, height_m: f64, modes: &mut [f64]) {
-        /// Azimuths of the sum, over what varies by at most `modes` half waves.
+        /// Azimuths in the sum. The integrand has at most `modes` half waves.
         const NODES: usize = 64;
         modes.fill(0.0);
         if self.last <= self.first {
@@ -66,7 +67,7 @@ impl FloorView {
             let (sine, cosine) = (self.first + (node as f64 + 0.5) * width).sin_cos();
             let beside = (room.half_width_m.copysign(sine) - self.point[0]) / sine;
             let behind = (room.depth_m - self.point[1]) / cosine;
-            // Along the axis nothing is met at the side; what is negative lies behind.
+            // Infinite for a ray along y, which meets no side wall; negative if the wall lies behind the floor point.
             let distance = if beside > 0.0 { beside.min(behind) } else { behind };
             let wall = [self.point[0] + distance * sine, self.point[1] + distance * cosine];
             let azimuth = wall[0].atan2(wall[1]) + std::f64::consts::FRAC_PI_2;
@@ -75,7 +76,7 @@ impl FloorView {
         }
     }
 
-    /// H² / (ρ² + H²) of the lintel, at the hidden face, in a direction with that squared cosine of the azimuth.
+    /// H² / (ρ² + H²) of the lintel at the hidden face; `cosine2` is the squared cosine of the azimuth.
     fn lintel(&self, doorway: &Doorway, cosine2: f64) -> f64 {
         doorway.height_m.map_or(1.0, |height| share(height, self.point[1] * self.point[1] / cosine2))
     }
@@ -92,8 +93,8 @@ mod tests {
 
     use super::*;
 
-    /// The light of a body or of the walls, summed ray by ray over azimuth and elevation; a ray passes if it crosses both faces
-    /// between the edges and below the lintel.
+    /// The light of a body or of the walls, summed ray by ray over azimuth and elevation. A ray passes if it crosses
+    /// both faces between the edges and below the lintel.
     fn literal(doorway: &Doorway, [px, py]: Point, radiance: impl Fn(f64, f64) -> Option<(f64, f64)>) -> f64 {
         const AZIMUTHS: usize = 4000;
         const ELEVATIONS: usize = 400;
@@ -116,7 +117,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(24))]
+        #![proptest_config(crate::testing::cases(24))]
         #[test]
         fn bodies_and_walls_equal_sums_over_rays(
             width_m in 0.4..1.0f64, wall_thickness_m in 0.0..0.2f64, lintel in prop::option::of(1.9..2.2f64),

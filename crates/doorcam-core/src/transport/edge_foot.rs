@@ -1,10 +1,10 @@
 use crate::transport::{PatchGrid, PixelLayout};
 
-/// Pixels of a patch that count, row by row from the wall: all but those at the foot of the edge, where the model of a
-/// thin, straight edge does not hold.
+/// Mask of the pixels of a patch that count, row by row from the wall: all but those at the foot of the edge, where the
+/// model of a thin, straight edge does not hold.
 ///
-/// With the published pixel layout this is the published rule (within size / 16 pixels of the foot, in the first rows);
-/// otherwise what lies within fov / 16 of the foot.
+/// With the published pixel layout this is the published rule, which leaves out pixels within size / 16 pixels of the
+/// foot, in the first rows. Otherwise, pixels within fov / 16 of the foot are left out.
 pub fn edge_foot_mask(patch: &PatchGrid) -> Vec<bool> {
     let size = patch.size;
     (0..patch.pixels())

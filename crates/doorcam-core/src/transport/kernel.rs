@@ -3,14 +3,13 @@ use serde::{Deserialize, Serialize};
 use super::visibility::{sees, visible_part};
 use crate::geometry::{Doorway, Facet, Point};
 
-/// The law by which a facet lights the floor. Both leave out the factor albedo / π, which scales brightness alone.
-///
-/// With d the vector from a facet's sample at height z to the pixel and n the facet's normal:
+/// The law by which a facet lights the floor, with d the vector from a facet's sample at height z to the pixel and n
+/// the facet's normal. Both laws leave out the factor albedo / π, which only scales brightness.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Kernel {
-    /// (n·d)₊ z / |d|³ dA, summed over 16 x 16 samples: what the authors' program computes (falls off as 1/d).
+    /// (n·d)₊ z / |d|³ dA, summed over 16 x 16 samples, as in the authors' program (falls off as 1/d).
     Published,
     /// (n·d)₊ z / |d|⁴ dA, the radiometric law (falls off as 1/d²), integrated in closed form over the visible part.
     Radiometric,
@@ -30,7 +29,7 @@ impl Kernel {
     }
 }
 
-/// A facet as a source of light.
+/// A facet as a light source.
 pub(super) struct Source<'a> {
     doorway: &'a Doorway,
     facet: &'a Facet,
@@ -60,7 +59,8 @@ impl Samples {
 }
 
 impl Source<'_> {
-    /// Light at a floor point from the part of the facet that it sees, per unit of radiance.
+    /// Light at a floor point from the part of the facet that it sees, per unit of radiance. `pixel` is in metres in
+    /// the door frame.
     pub(super) fn light_at(&self, pixel: Point) -> f64 {
         match &self.sampled {
             Some(samples) => self.published(samples, pixel),
@@ -86,8 +86,9 @@ impl Source<'_> {
         sum * samples.area
     }
 
-    /// With h the distance from the pixel to the facet's plane, t along the facet from the foot of that perpendicular and
-    /// q² = h² + H²: ∫∫ h z / (h² + t² + z²)² dz dt = ½ [atan(t/h) − (h/q) atan(t/q)], for z from 0 to H.
+    /// With h the distance from the pixel to the facet's plane, t the position along the facet from the foot of that
+    /// perpendicular and q² = h² + H²: ∫∫ h z / (h² + t² + z²)² dz dt = ½ [atan(t/h) − (h/q) atan(t/q)], for z from 0
+    /// to H.
     fn radiometric(&self, pixel: Point) -> f64 {
         let from = self.facet.from;
         let to_pixel = [pixel[0] - from[0], pixel[1] - from[1]];
@@ -99,7 +100,7 @@ impl Source<'_> {
             return 0.0;
         };
         let length = self.facet.length();
-        // The facet's direction is its normal turned by a quarter: (n_y, n_x) -> (-n_y, n_x).
+        // The facet's direction is its normal rotated by a quarter turn: (n_x, n_y) -> (-n_y, n_x).
         let foot = -to_pixel[0] * self.normal[1] + to_pixel[1] * self.normal[0];
         let q = h.hypot(self.height);
         let antiderivative = |s: f64| {
@@ -116,7 +117,7 @@ mod tests {
 
     use super::*;
 
-    /// Eq. 2 with the radiometric law, summed literally over a fine lattice of samples.
+    /// Eq. 2 with the radiometric law, summed directly over a fine lattice of samples.
     fn brute_force(doorway: &Doorway, facet: &Facet, height: f64, pixel: Point, n: usize) -> f64 {
         let normal = facet.normal();
         let cell = facet.length() * height / (n * n) as f64;
@@ -139,7 +140,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
+        #![proptest_config(crate::testing::cases(64))]
         #[test]
         fn closed_form_equals_the_literal_sum(
             thickness in 0.0..0.2f64, px in -0.6..0.6f64, depth in 0.01..0.3f64, height in 0.5..2.5f64,
@@ -152,7 +153,7 @@ mod tests {
             let exact = Kernel::Radiometric.prepare(&door, &facet, height).light_at(pixel);
             let literal = brute_force(&door, &facet, height, pixel, 400);
             let whole = brute_force(&Doorway { width_m: 1e6, ..door }, &facet, height, pixel, 50);
-            // A sample more or less at the border of the visible part is 1/400 of the whole.
+            // One sample more or less at the border of the visible part is 1/400 of the whole.
             prop_assert!((exact - literal).abs() <= 0.004 * whole + 1e-12, "{exact} {literal} {whole}");
         }
     }

@@ -16,10 +16,10 @@ pub use patch::{PatchGrid, PixelLayout};
 
 use crate::geometry::{Doorway, Facet, Side};
 
-/// What a transport matrix is computed for, apart from the doorway and the facets.
+/// Parameters of the transport matrices, besides the doorway and the facets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TransportSpec {
-    /// Falloff law and quadrature.
+    /// Falloff law, with its quadrature.
     pub kernel: Kernel,
     /// Height of the facets, in metres.
     pub facet_height_m: f64,
@@ -27,17 +27,17 @@ pub struct TransportSpec {
     pub patch: PatchGrid,
 }
 
-/// A_L and A_R: light at each pixel of the left and right patch per unit of radiance of each facet.
+/// A_L and A_R (eq. 12): light at each pixel of the left and right patch per unit of radiance of each facet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transport {
-    /// M x N, one column a facet; pixels row by row, the row at the wall first.
+    /// A_L, M x N: one column per facet; pixels row by row, starting at the wall.
     pub left: DMatrix<f64>,
-    /// The same for the right patch.
+    /// A_R, the same for the right patch.
     pub right: DMatrix<f64>,
 }
 
 impl Transport {
-    /// Evaluates eq. 2 for every facet and pixel, columns in parallel.
+    /// Evaluates eq. 2 for every facet and pixel; columns run in parallel.
     pub fn new(doorway: &Doorway, facets: &[Facet], spec: &TransportSpec) -> Self {
         let side = |side| {
             let pixels = spec.patch.points(doorway, side);

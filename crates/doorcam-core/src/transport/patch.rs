@@ -3,15 +3,15 @@ use crate::geometry::{Doorway, Point, Side};
 /// Where the pixel centres of a patch lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PixelLayout {
-    /// As in the published matrices: both ends of the square included, so that neighbours are fov / (size - 1) apart and
-    /// the first row lies on the wall.
+    /// As in the published matrices: the square's edges are included, so neighbours are fov / (size - 1) apart and the
+    /// first row lies on the wall.
     EndsIncluded,
-    /// Centres of `size` x `size` equal cells that tile the square: where an area-averaging camera has them.
+    /// Centres of `size` x `size` equal cells that tile the square, as for a camera that averages over areas.
     Cells,
 }
 
-/// The floor patch beside each edge: a square of side `fov_m` that touches the visible face of the wall, centred in x on
-/// its edge. Row 0 is the row at the wall, column 0 the smallest x.
+/// The floor patch at each edge: a square of side `fov_m` that touches the wall's visible face, centred in x on its
+/// edge. Row 0 is at the wall, column 0 at the smallest x.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PatchGrid {
     /// Pixels along each side of the square.
@@ -40,7 +40,7 @@ impl PatchGrid {
         ]
     }
 
-    /// All centres, row by row from the wall.
+    /// Centres of all pixels, row by row from the wall, in metres in the door frame.
     pub fn points(&self, doorway: &Doorway, side: Side) -> Vec<Point> {
         (0..self.pixels()).map(|k| self.point(doorway, side, k / self.size, k % self.size)).collect()
     }

@@ -1,11 +1,11 @@
 use crate::geometry::{Doorway, Facet, Point};
 
-/// The part of a facet that a floor point sees through the opening, as fractions (s0, s1) of the way from
-/// `facet.from` to `facet.to`; none if it sees nothing of it.
+/// The part of a facet that a floor point sees through the opening, as fractions (s0, s1) of the way from `facet.from`
+/// to `facet.to`; none if it sees nothing of it.
 ///
-/// Light must pass both faces of the wall between the edges. "The ray from `pixel` to a point S crosses the face at y = f
-/// right of x = e" is linear in S once multiplied by the positive rise from pixel to S, so each of the four conditions
-/// cuts the segment at most once.
+/// Light must pass between the edges at both faces of the wall. "The ray from `pixel` to a point S crosses the face at
+/// y = f right of x = e" is linear in S once multiplied by the rise from pixel to S, which is positive. So each of the
+/// four conditions cuts the segment at most once.
 pub(super) fn visible_part(doorway: &Doorway, pixel: Point, facet: &Facet) -> Option<(f64, f64)> {
     let (mut s0, mut s1) = (0.0_f64, 1.0_f64);
     for margins in
@@ -26,8 +26,8 @@ pub(super) fn sees(doorway: &Doorway, pixel: Point, hidden: Point) -> bool {
     crossing_margins(doorway, pixel, hidden).iter().all(|&m| m > 0.0)
 }
 
-/// How far inside each edge the ray passes at the hidden and at the visible face, each times the rise from pixel to
-/// point: positive where the ray is inside.
+/// How far inside each edge the ray passes at the hidden and at the visible face, multiplied by the rise from pixel to
+/// point. Positive where the ray is inside.
 fn crossing_margins(doorway: &Doorway, [px, py]: Point, [sx, sy]: Point) -> [f64; 4] {
     let half = doorway.half_width();
     let rise = sy - py;
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Brute force: walk along the facet and test each point's ray against both faces.
+        /// Brute force: test the ray to each of many points along the facet against both faces.
         #[test]
         fn the_visible_part_is_what_single_rays_see(
             width in 0.3..1.5f64, thickness in 0.0..0.3f64, px in -1.0..1.0f64, depth in 0.001..0.5f64,

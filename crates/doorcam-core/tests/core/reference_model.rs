@@ -1,4 +1,4 @@
-//! The grid and the transport matrices against the authors' published ones.
+//! Compares the grid and the transport matrices with the authors' published ones.
 
 use crate::reference::{data, npy, published_doorway};
 use doorcam_core::geometry::{FacetGrid, GridSpec};
@@ -32,7 +32,7 @@ fn the_published_transport_is_the_published_one() {
         assert_eq!((rows, columns), (2 * size * size, grid.len()));
         let mut worst = 0.0_f64;
         for k in 0..size * size {
-            // Theirs are column-major pixels.
+            // Their pixels are in column-major order.
             let (row, column) = (k / size, k % size);
             let their_row = column * size + row;
             for n in 0..columns {

@@ -1,6 +1,7 @@
-//! The refit against its definition on columns and measurements, with the products it is computed from left out.
+//! Compares the refit, which uses only Gram products, with its definition on columns and measurements.
 
 use crate::solver_problems::{Numbers, Problem};
+use crate::testing::cases;
 use doorcam_core::scene::Intensity;
 use doorcam_core::solver::{Admissible, Correlations, Limits, Solution, Solver};
 use nalgebra::{DMatrix, DVector};
@@ -16,7 +17,7 @@ fn is_lit(i: &Intensity) -> bool {
     i.left != 0.0 || i.right != 0.0
 }
 
-/// Both patches in all colours as one vector: what each facet adds (u_n, a column each), and y.
+/// Both patches in all colours stacked: what each facet adds (u_n, one column per facet), and y.
 fn stacked(problem: &Problem, intensities: &[Intensity]) -> (DMatrix<f64>, DVector<f64>) {
     let pixels = problem.y[0][0].len();
     let part = |k: usize| (k / (3 * pixels), k / pixels % 3, k % pixels);
@@ -36,7 +37,7 @@ fn data(u: &DMatrix<f64>, y: &DVector<f64>, f: &[f64]) -> f64 {
     0.5 * (y - u * DVector::from_column_slice(f)).norm_squared()
 }
 
-/// What ties the factors together, written out.
+/// The term that ties the factors together, written out.
 fn ties(u: &DMatrix<f64>, f: &[f64]) -> f64 {
     let mut sum = 0.0;
     for m in 0..f.len() {
@@ -59,9 +60,9 @@ fn kind() -> impl Strategy<Value = Admissible> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1000))]
+    #![proptest_config(cases(1000))]
 
-    /// Of maps that are solutions, and of any others: a solve that was cut short gives one that is not stationary.
+    /// For solutions, and for arbitrary maps: a solve that was cut short gives one that is not stationary.
     #[test]
     fn no_other_factors_are_better(
         seed in any::<u64>(), facets in 1usize..12, share in 0.02..0.9f64, kind in kind(), settled in any::<bool>(),
@@ -103,12 +104,12 @@ proptest! {
         }
     }
 
-    /// One facet: least squares in one unknown, brute force over a fine lattice of factors.
+    /// With one facet: least squares in one unknown, and brute force over a fine lattice of factors.
     #[test]
     fn a_facet_alone_gets_its_least_squares_brightness(seed in any::<u64>(), share in 0.02..0.9f64, kind in kind()) {
         let problem = Problem::random(1, 12, seed, |_| kind);
         let solution = solved(&problem, share);
-        // What only darkens stays dark where a facet may only become brighter.
+        // A facet that may only become brighter stays dark if the measurement only darkens.
         prop_assume!(is_lit(&solution.intensities[0]));
         let factor = refit(&problem.solver(), &problem.frame, &solution)[0];
         let (u, y) = stacked(&problem, &solution.intensities);
@@ -120,7 +121,7 @@ proptest! {
         }
     }
 
-    /// Two facets with the same column, of one colour, however the light is divided among them, beside others.
+    /// Two facets with the same column and colour, among others, however the light is divided between them.
     #[test]
     fn facets_that_cannot_be_told_apart_get_one_factor(
         seed in any::<u64>(), facets in 3usize..8, division in 0.01..0.99f64,
@@ -173,7 +174,8 @@ proptest! {
         let solution = solved(&problem, share);
         let ours = refit(&problem.solver(), &problem.frame, &solution);
         // Left and right swapped, and the facets in the opposite order.
-        let [left, right] = problem.columns.clone().map(|c| DMatrix::from_fn(12, facets, |k, n| c[(k, facets - 1 - n)]));
+        let [left, right] =
+            problem.columns.clone().map(|c| DMatrix::from_fn(12, facets, |k, n| c[(k, facets - 1 - n)]));
         let [y_left, y_right] = problem.y.clone();
         let mirrored = Problem::new([right, left], [y_right, y_left], problem.kinds.clone());
         let intensities = solution.intensities.iter().rev();
@@ -186,8 +188,7 @@ proptest! {
     }
 }
 
-/// Least squares without the ties does what they are there to prevent: for nearly the same columns it makes one of two
-/// factors many times the other.
+/// Plain least squares does what the ties prevent: for nearly equal columns it makes one factor many times the other.
 #[test]
 fn neighbours_stay_alike_where_least_squares_tears_them_apart() {
     let plain = Problem::random(2, 12, 5, |_| Admissible::Signed);
@@ -208,7 +209,7 @@ fn neighbours_stay_alike_where_least_squares_tears_them_apart() {
     let solution = Solution { intensities: vec![light; 2], ..Solution::default() };
     let (u, y) = stacked(&problem, &solution.intensities);
     let least = (u.transpose() * &u).lu().solve(&(u.transpose() * &y)).unwrap();
-    assert!((least[0] - least[1]).abs() > 0.5, "nothing to prevent: {least}");
+    assert!((least[0] - least[1]).abs() > 0.5, "least squares keeps them alike, so this tests nothing: {least}");
     let factors = refit(&problem.solver(), &problem.frame, &solution);
     assert!(factors.iter().all(|f| (f - 1.3).abs() < 0.05), "{factors:?}");
 }

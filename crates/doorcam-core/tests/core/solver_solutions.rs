@@ -1,6 +1,7 @@
-//! The solver against eq. 13 as it is written: small random problems, brute force, symmetries.
+//! Compares the solver with eq. 13 as written: small random problems, brute force, symmetries.
 
 use crate::solver_problems::{Numbers, Problem};
+use crate::testing::cases;
 use doorcam_core::scene::Intensity;
 use doorcam_core::solver::{Admissible, Correlations, Limits, Solution, Solver, Start};
 use proptest::prelude::*;
@@ -17,7 +18,7 @@ fn is_admissible(i: &Intensity, kind: Admissible) -> bool {
         && (!kind.colour_is_nonnegative() || i.colour.iter().all(|&v| v >= 0.0))
 }
 
-/// Small admissible moves of one facet: the values nearby that eq. 13 is compared at.
+/// A small admissible move of one facet, to compare eq. 13 nearby.
 fn nearby(i: &Intensity, kind: Admissible, size: f64, numbers: &mut Numbers) -> Intensity {
     let clip = |x: f64, bound: bool| if bound { x.max(0.0) } else { x };
     let mut v = i.colour.map(|x| clip(x + size * numbers.signed(), kind.colour_is_nonnegative()));
@@ -30,7 +31,7 @@ fn nearby(i: &Intensity, kind: Admissible, size: f64, numbers: &mut Numbers) -> 
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1500))]
+    #![proptest_config(cases(1500))]
 
     #[test]
     fn bound_objective_and_brute_force_are_in_order(
@@ -51,7 +52,7 @@ proptest! {
         if !solution.wants_second.contains(&true) {
             prop_assert!(solution.bound >= literal * (1.0 - 1e-5), "proven: {} {literal}", solution.bound);
         }
-        // Nothing nearby is better, nor is any admissible point below the bound.
+        // Nothing nearby is better, and no admissible point is below the bound.
         for k in 0..60 {
             let size = 10f64.powi(-1 - k % 4);
             let other: Vec<_> =
@@ -64,12 +65,13 @@ proptest! {
         }
     }
 
-    /// The derivatives of eq. 13 as it is written, by differences of its values: none leads down.
+    /// Derivatives of eq. 13 as written, by differences of its values: none leads down.
     #[test]
     fn no_finite_difference_of_the_objective_leads_down(
         seed in any::<u64>(), facets in 1usize..12, share in 0.02..0.9f64, kind in kind(),
     ) {
-        /// Step of the differences, as a share of the light's strength: their error is of its square, and of rounding over it.
+        /// Step of the differences, as a share of the light's strength. Their error goes with its square, and with
+        /// rounding error divided by it.
         const STEP: f64 = 1e-3;
         let problem = Problem::random(facets, 12, seed, |_| kind);
         let solver = problem.solver();
@@ -84,7 +86,7 @@ proptest! {
         let mut numbers = Numbers::new(seed ^ 3);
         let allowed = 1e-4 * (lambda + here);
         for (n, light) in solution.intensities.iter().enumerate() {
-            // One-sided, from the values at 0, at half the step and at the whole.
+            // One-sided difference from the values at 0, half the step and the whole step.
             let onwards = |step: f64, there: &dyn Fn(f64) -> Intensity| {
                 (4.0 * at(n, there(step / 2.0)) - at(n, there(step)) - 3.0 * here) / step
             };
@@ -114,7 +116,10 @@ proptest! {
                     prop_assert!(slope.abs() <= allowed * strength, "facet {n}, move {k}: slope {slope}, {light:?}");
                 } else {
                     let slope = onwards(STEP, there);
-                    prop_assert!(slope >= -allowed * strength, "facet {n}, move {k} from its bound: {slope}, {light:?}");
+                    prop_assert!(
+                        slope >= -allowed * strength,
+                        "facet {n}, move {k} from its bound: {slope}, {light:?}"
+                    );
                 }
             }
         }
@@ -150,7 +155,7 @@ proptest! {
         let lambda = share * problem.solver().lambda_max(&problem.frame);
         let ours = problem.solver().solve(&problem.frame, lambda, Limits::default(), None);
         let theirs = mirrored.solver().solve(&mirrored.frame, lambda, Limits::default(), None);
-        // The same up to rounding, which may decide between two solutions only where these are equally good.
+        // Equal up to rounding, which can decide only between equally good solutions.
         prop_assume!((ours.objective() - theirs.objective()).abs() < 1e-9 * ours.objective());
         for (a, b) in ours.intensities.iter().zip(&theirs.intensities) {
             prop_assert!((a.left - b.right).abs() < 1e-4 && (a.right - b.left).abs() < 1e-4, "{a:?} {b:?}");
@@ -179,7 +184,7 @@ proptest! {
     }
 }
 
-/// A lattice of colours and lights, for problems of one or two facets.
+/// A lattice of colours and lights, for problems of one facet.
 fn lattice(kind: Admissible) -> Vec<Intensity> {
     let mut points = vec![Intensity::default()];
     let steps = |bound: bool| if bound { 0..=6 } else { -6..=6 };
@@ -221,8 +226,8 @@ fn no_lattice_point_of_one_facet_is_better() {
     }
 }
 
-/// The objective says nothing any more long before the first-order conditions hold: a solve must not end there. Found by
-/// chance among many.
+/// Rounding hides any fall of the objective long before the first-order conditions hold; a solve must not end there.
+/// The seed was found by chance among many.
 #[test]
 fn a_solve_does_not_end_where_only_the_objective_stands_still() {
     let seed = 5_421_599_017_885_892_748;

@@ -1,15 +1,15 @@
-//! Small problems of eq. 13 with random columns and measurements, and eq. 13 itself as it is written.
+//! Small random problems of eq. 13, and eq. 13 itself as written.
 #![allow(dead_code)]
 
 use doorcam_core::scene::Intensity;
 use doorcam_core::solver::{Admissible, Correlations, Solver};
 use nalgebra::{DMatrix, DVector};
 
-/// Numbers that are the same on every machine (xorshift).
+/// Random numbers that are the same on every machine (xorshift).
 pub struct Numbers(u64);
 
 impl Numbers {
-    /// A sequence of its own for each seed.
+    /// A different sequence for each seed.
     pub fn new(seed: u64) -> Self {
         Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
     }
@@ -28,7 +28,7 @@ impl Numbers {
     }
 }
 
-/// A problem with its columns and measurement, not only their products.
+/// A problem with its columns and measurement, not only their products, so that eq. 13 can be evaluated directly.
 pub struct Problem {
     pub columns: [DMatrix<f64>; 2],
     pub y: [[DVector<f64>; 3]; 2],
@@ -38,7 +38,7 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// Neighbouring columns look alike, as a facet's and its neighbour's do.
+    /// A random problem. Neighbouring columns look alike, as those of neighbouring facets do.
     pub fn random(facets: usize, pixels: usize, seed: u64, kind: impl Fn(usize) -> Admissible) -> Self {
         let mut numbers = Numbers::new(seed);
         let columns = [0, 1].map(|_| {
@@ -51,7 +51,7 @@ impl Problem {
             }
             matrix
         });
-        // What a few facets explain, and noise.
+        // The light of a few facets, plus noise.
         let mut y = [0, 1].map(|_| [0, 1, 2].map(|_| DVector::from_fn(pixels, |_, _| 0.2 * numbers.signed())));
         for _ in 0..1 + facets / 8 {
             let n = (numbers.unit() * facets as f64) as usize;
@@ -75,7 +75,7 @@ impl Problem {
         Solver::new(self.gram.clone(), self.kinds.clone())
     }
 
-    /// Eq. 13 as it is written, without b.
+    /// Eq. 13 as written, without b.
     pub fn objective(&self, intensities: &[Intensity], lambda: f64, weights: &[f64]) -> f64 {
         let mut value = 0.0;
         for s in 0..2 {

@@ -1,15 +1,15 @@
 use doorcam_core::light::{PatchPair, RollingBackground};
 
-/// Seconds between two looks.
+/// Seconds between comparisons.
 const EVERY_S: f64 = 0.25;
-/// Seconds that a picture is held although nothing like it was seen again.
+/// Seconds that a picture is kept without being seen again, beyond the time for which it was seen.
 const PATIENCE_S: f64 = 2.0;
 
-/// The other picture that the room might have: something is detected, but it may be a chair that was moved.
+/// A picture that may become the new background: something is detected, but it may only be a chair that was moved.
 ///
-/// It collects the time for which the room looked just like it. Time in which somebody else hides it does not count, and
-/// time in which the old background fits counts against it: furniture does not come and go. Once it has been seen for long
-/// enough, it is the background.
+/// It accumulates the time for which the room looks just like it. Time in which somebody hides it does not count. Time
+/// in which the old background fits is subtracted, since furniture does not come and go. Once it has been seen for long
+/// enough, it becomes the background.
 #[derive(Debug, Clone)]
 pub(super) struct Candidate {
     absorb_s: f64,
@@ -22,22 +22,22 @@ pub(super) struct Candidate {
 struct Picture {
     rolling: RollingBackground,
     seen_s: f64,
-    /// Since it was seen last.
+    /// Seconds since it was last seen.
     missed_s: f64,
 }
 
 impl Candidate {
-    /// None yet; what does not move for `absorb_s` seconds is absorbed, never for 0.
+    /// Starts without a picture. What does not move for `absorb_s` seconds is absorbed; 0 means never.
     pub fn new(absorb_s: f64, adapt_s: f64) -> Self {
         Self { absorb_s, adapt_s, picture: None, since_s: 0.0 }
     }
 
-    /// Forgets it.
+    /// Forgets the picture.
     pub fn clear(&mut self) {
         self.picture = None;
     }
 
-    /// The background fits again, for `step_s` seconds.
+    /// Reports that the old background has fitted again for `step_s` seconds.
     pub fn refute(&mut self, step_s: f64) {
         if let Some(picture) = &mut self.picture {
             picture.seen_s -= step_s;
@@ -47,9 +47,9 @@ impl Candidate {
         }
     }
 
-    /// Something is detected in `pair`, `step_s` seconds after the frame before. `alike` tells whether a frame differs from
-    /// a picture, the mean of some frames, by noise alone. Returns the new background, its picture and how many frames it is
-    /// the mean of, once it has been there for long enough.
+    /// Takes a frame in which something is detected, `step_s` seconds after the previous frame.
+    /// `alike(picture, frames)` tells whether the frame differs from `picture`, the mean of `frames` frames, by noise
+    /// alone. Returns the new background and how many frames it averages once it has been seen for long enough.
     pub fn observe(
         &mut self,
         pair: &PatchPair,
@@ -101,7 +101,7 @@ mod tests {
     fn what_does_not_move_is_absorbed_though_people_pass() {
         let mut candidate = Candidate::new(100.0, 60.0);
         assert_eq!(look(&mut candidate, 1.0, 60), None);
-        // Somebody passes, never at the same place.
+        // Somebody passes, in a different place each second.
         (0..20).for_each(|k| assert_eq!(look(&mut candidate, 2.0 + k as f32, 1), None));
         let absorbed = look(&mut candidate, 1.0, 60);
         assert!(absorbed.is_some_and(|s| (38..43).contains(&s)), "{absorbed:?}");

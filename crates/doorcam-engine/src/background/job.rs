@@ -1,37 +1,38 @@
 use std::thread::JoinHandle;
 
-/// Where work goes that takes longer than a frame.
+/// Where work runs that takes longer than a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Work {
-    /// To a thread of its own, while frames go on.
+    /// On a thread of its own, while frames go on.
     #[default]
     Aside,
-    /// It is done at once, and frames wait: for tests, in which the same must happen every time.
+    /// On the calling thread, while frames wait: for tests, which must be reproducible.
     InPlace,
 }
 
-/// Work under way.
+/// Work in progress.
 #[derive(Debug)]
 pub(crate) enum Job<T> {
-    /// On its thread.
+    /// On its own thread.
     Running(JoinHandle<T>),
-    /// Done already.
+    /// Finished.
     Done(T),
 }
 
 impl<T: Send + 'static> Job<T> {
-    /// Starts it; in place if there is no thread to be had.
+    /// Starts the work; on the calling thread if no other can be started.
     pub fn start(how: Work, name: &str, work: impl FnOnce() -> T + Clone + Send + 'static) -> Self {
         if how == Work::Aside {
             match std::thread::Builder::new().name(name.into()).spawn(work.clone()) {
                 Ok(handle) => return Self::Running(handle),
-                Err(e) => tracing::warn!("no thread for work beside the frames ({e}): they wait"),
+                Err(e) => tracing::warn!("cannot start a background thread ({e}): frames wait for the work"),
             }
         }
         Self::Done(work())
     }
 
-    /// Its result if it is done, itself if not; nothing if it failed, which it has said itself.
+    /// The result if the work is done (`None` if it panicked; the panic was reported by its thread), otherwise the job
+    /// itself.
     pub fn poll(self) -> Result<Option<T>, Self> {
         match self {
             Self::Done(result) => Ok(Some(result)),

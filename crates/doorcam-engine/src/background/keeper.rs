@@ -6,14 +6,14 @@ use crate::engine::StepError;
 use crate::reconstructor::Prepared;
 use crate::settings::BackgroundSettings;
 use crate::{BackgroundReport, Reconstruction, Reconstructor, State};
-use doorcam_core::light::{Background, Learned, PatchPair, RollingBackground, Startup, StartupSpec};
+use doorcam_core::light::{Background, Learned, PatchPair, RollingBackground, Snapshot, Startup, StartupSpec};
 use doorcam_core::solver::{ModelKind, ProjectionError};
 use doorcam_source::Purpose;
 
-/// Keeps the background right over time: learns it, follows it, tells when it has to be learned anew.
+/// Maintains the background over time: learns it, follows slow changes and decides when it must be learned anew.
 ///
-/// The one rule: the background changes only where that cannot hide anybody. It follows frames in which nothing is detected;
-/// all else needs a reason, a change of the light or the time set for what does not move.
+/// The one rule: the background changes only where that cannot hide anybody. It follows frames in which nothing is
+/// detected; any other change needs a reason: a change of the light, or something that did not move for the set time.
 pub(crate) struct Keeper {
     settings: BackgroundSettings,
     work: Work,
@@ -23,26 +23,26 @@ pub(crate) struct Keeper {
     phase: Phase,
     rolling: Option<RollingBackground>,
     light: LightWatch,
-    /// Light of the picture in use.
+    /// Light of the picture that frames are compared with.
     reference: Light,
     candidate: Candidate,
     rebuilding: Option<Job<Prepared>>,
-    /// Seconds between two settings-up, at least.
+    /// Minimum seconds between two rebuilds of the problem.
     rebuilt_s: f64,
     last_s: Option<f64>,
     age_s: f64,
     timers: Timers,
 }
 
-/// What a frame has to say to the keeper.
-pub(crate) struct Seen<'a> {
+/// What the keeper needs to know of a frame.
+pub(crate) struct FrameLight<'a> {
     /// As captured.
     pub raw: &'a PatchPair,
-    /// Averaged in time; the same without averaging.
+    /// Averaged in time; the same as `raw` without averaging.
     pub pair: &'a PatchPair,
-    /// How many times the usual noise the average has.
+    /// Noise of this average as a multiple of a full average's.
     pub excess: f64,
-    /// When it was captured, on the source's clock.
+    /// Capture time on the source's clock.
     pub seconds: f64,
     pub purpose: Purpose,
 }
@@ -58,12 +58,12 @@ struct Learning {
     startup: Startup,
     /// Whether there was a background before.
     again: bool,
-    /// After a change of the light, the old background is taken up again if it fits: frames in a row that do.
+    /// Consecutive frames that fit the old background, which is then used again; none if it must not return.
     fits: Option<usize>,
     building: Option<(Job<Prepared>, RollingBackground)>,
 }
 
-/// Seconds since things were done.
+/// Seconds since each was last done or seen.
 #[derive(Debug, Clone, Copy, Default)]
 struct Timers {
     detected: f64,
@@ -73,34 +73,35 @@ struct Timers {
     saved: f64,
 }
 
-/// Frames missing for longer than this break what is looked at over time.
+/// A longer gap between frames interrupts everything that is observed over time.
 const GAP_S: f64 = 10.0;
-/// After somebody was detected, seconds before the background is followed again: they may still be there, too faint.
+/// Seconds after a detection before the background follows again: somebody may still be there, too faint to detect.
 const CALM_S: f64 = 2.0;
-/// Of noise, how many times its energy a frame that is followed may have.
+/// A frame is followed only if its energy is at most this multiple of the noise's.
 const NOISY: f64 = 1.5;
-/// Seconds between looks whether the problem in use still fits.
+/// Seconds between checks whether the current problem still fits.
 const CHECK_S: f64 = 1.0;
-/// The problem is set up anew when what the background has moved is this share of what would be detected, or its light this
-/// share of the light.
+/// The problem is rebuilt when the background has moved by this share of what would be detected, or its light by
+/// `MOVED_LIGHT`.
 const MOVED: f64 = 0.25;
 const MOVED_LIGHT: f64 = 0.02;
-/// Seconds between two settings-up, at least; and times what one takes, so that a slow machine has time for its frames.
+/// Minimum seconds between two rebuilds, and as a multiple of the time one takes, so that a slow machine keeps time for
+/// its frames.
 const REBUILT_S: f64 = 5.0;
 const REBUILT_SHARE: f64 = 10.0;
-/// Frames from which on the noise is measured well enough to set the problem up anew.
+/// Frames from which the noise can be measured well enough to rebuild the problem.
 const ENOUGH: usize = 4;
-/// Frames that a start needs, and that learning anew needs.
+/// Frames needed to learn the first background, and to learn it anew.
 const FRAMES: usize = 12;
 const FRAMES_AGAIN: usize = 8;
-/// Frames in a row that must fit the old background for it to be taken up again.
+/// Consecutive frames that must fit the old background before it is used again.
 const FITTING: usize = 3;
-/// So many steps of light may be between it and what is seen.
+/// The light may differ from the old background's by at most this many `light_step`s.
 const NEAR: f64 = 2.0;
 
 impl Keeper {
-    /// With the background that is in the store, if it is right for this model; otherwise with nothing yet. `apart_s` says how
-    /// far apart frames are whose noise is independent.
+    /// Starts with the stored background if it is valid for this model, otherwise with none. Frames at least `apart_s`
+    /// seconds apart have independent noise.
     pub fn new(
         settings: &BackgroundSettings,
         store: Option<BackgroundStore>,
@@ -126,19 +127,31 @@ impl Keeper {
         };
         let model = reconstructor.model().clone();
         if let Some(saved) = keeper.store.as_mut().and_then(|store| store.load(&model, settings.keep_s)) {
-            let nothing = PatchPair::zeros(model.patch.size);
-            reconstructor.install(Prepared::new(&model, &saved.background(), &nothing));
-            keeper.watch(saved.into(), reconstructor, false);
+            keeper.watch_from(saved, reconstructor);
         }
         keeper
     }
 
-    /// Whether the frames of the empty room that a recording names are still of use.
+    /// Continues with another keeper's background, if it was watching with one.
+    pub fn resume(&mut self, before: Self, reconstructor: &mut Reconstructor) {
+        if let (Phase::Watching, Some(rolling)) = (before.phase, before.rolling) {
+            self.watch_from(rolling.snapshot(), reconstructor);
+        }
+    }
+
+    fn watch_from(&mut self, known: Snapshot, reconstructor: &mut Reconstructor) {
+        let model = reconstructor.model().clone();
+        let nothing = PatchPair::zeros(model.patch.size);
+        reconstructor.install(Prepared::new(&model, &known.background(), &nothing));
+        self.watch(known.into(), reconstructor, false);
+    }
+
+    /// Whether a recording's own frames of the empty room are still needed.
     pub fn wants_given(&self) -> bool {
         matches!(self.phase, Phase::Before)
     }
 
-    /// What to say about the background now.
+    /// The background's state for an update.
     pub fn report(&self) -> BackgroundReport {
         let averaged = |rolling: &RollingBackground| rolling.averaged().round() as u64;
         match &self.phase {
@@ -166,22 +179,22 @@ impl Keeper {
         }
     }
 
-    /// Learns the room anew from now on, with whatever is in it.
+    /// Learns the background anew from now on, with whatever is in the room.
     pub fn reset(&mut self, reconstructor: &Reconstructor) {
         tracing::info!("the background is learned anew, as asked");
         self.learn_anew(reconstructor, true, false);
     }
 
-    /// Takes a frame in: a map, or none while learning.
+    /// Processes a frame; returns its map, or none while learning.
     pub fn step(
         &mut self,
-        seen: &Seen,
+        seen: &FrameLight,
         reconstructor: &mut Reconstructor,
     ) -> Result<Option<Reconstruction>, KeeperError> {
         let step_s = self.advance(seen.seconds);
         if let Phase::Before = self.phase {
             if reconstructor.background().frames() > 0 {
-                // A recording's own frames of the empty room: nobody need guess.
+                // The recording says which frames show the empty room.
                 let map = reconstructor.reconstruct_in_noise(seen.pair, seen.excess)?;
                 let background = reconstructor.take_background();
                 self.watch(RollingBackground::from_background(&background), reconstructor, true);
@@ -213,20 +226,20 @@ impl Keeper {
         Ok(Some(map))
     }
 
-    /// Saves the background now, waiting until it is done.
+    /// Saves the background and waits until that is done.
     pub fn save(&mut self, reconstructor: &Reconstructor) {
-        // What is being learned is worth nothing yet, and what it replaces nothing any more.
+        // While learning, there is nothing worth saving: the new background is unfinished and the old one is obsolete.
         if let (Phase::Watching, Some(store), Some(rolling)) = (&self.phase, &mut self.store, &self.rolling) {
             store.save(reconstructor.model(), rolling.snapshot(), Work::InPlace);
         }
     }
 
-    /// Seconds since the frame before; 0 after a gap.
+    /// Seconds since the previous frame; 0 after a gap.
     fn advance(&mut self, seconds: f64) -> f64 {
         let step = self.last_s.replace(seconds).map(|last| seconds - last);
         let Some(step) = step.filter(|step| (0.0..=GAP_S).contains(step)) else {
             self.light.restart();
-            // A recording that starts again shows the same anew; that does not make it old.
+            // A recording that starts again repeats its frames; the candidate must not count them twice.
             self.candidate.clear();
             return 0.0;
         };
@@ -255,7 +268,7 @@ impl Keeper {
         self.candidate.clear();
     }
 
-    fn learn(&mut self, seen: &Seen, reconstructor: &mut Reconstructor) -> Result<(), KeeperError> {
+    fn learn(&mut self, seen: &FrameLight, reconstructor: &mut Reconstructor) -> Result<(), KeeperError> {
         let Phase::Learning(learning) = &mut self.phase else { return Ok(()) };
         if let Some(fits) = &mut learning.fits {
             let map = reconstructor.reconstruct_in_noise(seen.pair, seen.excess)?;
@@ -281,12 +294,12 @@ impl Keeper {
                     self.watch(rolling, reconstructor, true);
                     return Ok(());
                 }
-                // It said why itself. The next frames may do better.
+                // The thread has reported the reason. Later frames may succeed.
                 Ok(None) => {}
             }
             return Ok(());
         }
-        // A young average is noisier than those that it would speak for.
+        // An average that is not full yet is noisier than the ones to come.
         if seen.excess == 1.0 {
             learning.startup.push(seen.pair, seen.seconds);
         }
@@ -309,7 +322,7 @@ impl Keeper {
         Ok(())
     }
 
-    /// Watches with this background, whose problem is in use.
+    /// Starts to watch with this background, whose problem is already installed.
     fn watch(&mut self, rolling: RollingBackground, reconstructor: &Reconstructor, verified: bool) {
         let known_noise = reconstructor.model().kind == ModelKind::Signed;
         self.light = LightWatch::new(self.settings.light_step, known_noise, verified);
@@ -326,8 +339,8 @@ impl Keeper {
         self.reference = reconstructor.reference().map_or(Light::default(), |reference| light(reference, counted));
     }
 
-    /// Lets the background follow a frame, if nobody can be in it, and what does not move become a part of it.
-    fn follow(&mut self, seen: &Seen, step_s: f64, map: &Reconstruction, reconstructor: &mut Reconstructor) {
+    /// Lets the background follow the frame if nobody can be in it, and absorbs what does not move.
+    fn follow(&mut self, seen: &FrameLight, step_s: f64, map: &Reconstruction, reconstructor: &mut Reconstructor) {
         let Some(rolling) = &mut self.rolling else { return };
         if map.is_empty() {
             self.candidate.refute(step_s);
@@ -335,7 +348,7 @@ impl Keeper {
                 self.light.quiet(map.energy, step_s);
                 let due = self.timers.adapted >= 0.95 * self.apart_s && seen.excess == 1.0;
                 if self.timers.detected >= CALM_S && due {
-                    // After a pause, one frame must not stand for all that was missed.
+                    // After a pause, one frame must not stand for all the time that was missed.
                     let since_s = self.timers.adapted.min(self.apart_s.max(step_s));
                     rolling.adapt(seen.pair, since_s, self.settings.adapt_s);
                     self.timers.adapted = 0.0;
@@ -352,7 +365,7 @@ impl Keeper {
         if let Some((picture, averaged)) = absorbed {
             tracing::info!("what has not moved for {} s is now part of the background", self.settings.absorb_s);
             rolling.replace(&picture, averaged);
-            // At once.
+            // Rebuild at once.
             (self.timers.built, self.timers.checked) = (self.settings.rebuild_s.max(self.rebuilt_s), CHECK_S);
         }
     }
@@ -361,7 +374,7 @@ impl Keeper {
         match self.rebuilding.take().map(Job::poll) {
             None => {}
             Some(Err(running)) => self.rebuilding = Some(running),
-            // It failed, and said why itself: the old problem stays.
+            // It failed and has reported the reason: the old problem stays.
             Some(Ok(None)) => {}
             Some(Ok(Some(prepared))) => {
                 if self.work == Work::Aside {
@@ -373,11 +386,11 @@ impl Keeper {
         }
     }
 
-    /// Sets the problem up for the background of now when the one in use no longer fits, beside the frames.
+    /// Rebuilds the problem for the present background, on another thread, when the current one no longer fits.
     fn rebuild_if_due(&mut self, reconstructor: &mut Reconstructor) {
         let Some(rolling) = &self.rolling else { return };
         let early = self.timers.checked < CHECK_S || self.timers.built < self.rebuilt_s;
-        // What was learned from a single frame has its noise guessed from frames that differ from it.
+        // The noise of a background with fewer frames was guessed from a frame's difference, which a rebuild lacks.
         if self.rebuilding.is_some() || early || rolling.deviations() < ENOUGH {
             return;
         }
@@ -407,7 +420,7 @@ impl Keeper {
     }
 }
 
-/// Sets the problem up for a background, of which this is a frame.
+/// Builds the problem for a background to which `frame` belongs.
 fn prepare(work: Work, background: Background, frame: PatchPair, reconstructor: &Reconstructor) -> Job<Prepared> {
     let model = reconstructor.model().clone();
     Job::start(work, "background", move || {
@@ -417,7 +430,7 @@ fn prepare(work: Work, background: Background, frame: PatchPair, reconstructor: 
     })
 }
 
-/// Why a frame made neither a map nor progress.
+/// Why a frame yielded neither a map nor progress.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum KeeperError {
     #[error(transparent)]
@@ -427,7 +440,7 @@ pub(crate) enum KeeperError {
 }
 
 impl KeeperError {
-    /// For the frame of this name.
+    /// Turns it into the error of the frame called `name`.
     pub fn of(self, name: &str) -> StepError {
         match self {
             Self::Projection(e) => doorcam_source::SkippedFrame { name: name.into(), reason: e.to_string() }.into(),

@@ -4,7 +4,7 @@ use crate::Reconstruction;
 use doorcam_core::geometry::Side;
 use doorcam_core::light::PatchPair;
 
-/// Light of each patch's colours: the mean of the pixels that count, relative to full scale; left then right.
+/// Light of each patch's three colours: the mean of the counted pixels, relative to full scale; left, then right.
 pub(super) type Light = [[f64; 3]; 2];
 
 /// Measures a patch pair's light.
@@ -28,13 +28,13 @@ pub(super) fn light(pair: &PatchPair, counted: &[Vec<bool>; 2]) -> Light {
 /// Why the background has to be learned anew.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub(super) enum Change {
-    /// From one frame to the next, with nothing moving before or after.
+    /// A step within [`AT_ONCE_S`], with nothing moving before or after.
     #[error("the light on the floor changed by {:+.0} % at once", 100.0 * .0)]
     Step(f64),
-    /// More than anybody in the room can do, and nothing of it looks like somebody.
+    /// More than anybody in the room can cause, while the map stays empty.
     #[error("the light on the floor is {:+.0} % off, and nobody is there", 100.0 * .0)]
     Even(f64),
-    /// For seconds, most of what is seen is explained by nobody in the room.
+    /// For seconds, much of what is seen cannot be explained by anything in the room.
     #[error("{:.0} % of what changed cannot come from the room, for seconds", 100.0 * .0)]
     Unexplained(f64),
     /// A saved background does not fit the first frames.
@@ -44,21 +44,21 @@ pub(super) enum Change {
 
 /// Tells a change of the light from people.
 ///
-/// Nobody can change the light at once: who walks takes the better part of a second for what a switch does from one frame
-/// to the next, and does not stand still before and after. So a step in the light counts (as soon as a few frames after it
-/// agree), unless the map explains it: a screen that is switched on in the room is something in the room. What changes more
-/// slowly is believed to be light if it is strong and leaves the map empty, or if for seconds most of it is explained by
-/// nothing in the room, and it stands still.
+/// Nobody can change the light suddenly: a walker takes most of a second for what a switch does from one frame to the
+/// next, and does not stand still before and after. So a step counts as soon as a few frames after it agree, unless the
+/// map explains it: a screen that is switched on in the room is something in the room. A slower change counts as light
+/// if it is strong and leaves the map empty, or if for seconds much of it is explained by nothing in the room and it
+/// stands still.
 #[derive(Debug, Clone)]
 pub(super) struct LightWatch {
-    /// A change that counts, as a share of the light.
+    /// The smallest change that counts, as a share of the light.
     step: f64,
     recent: VecDeque<Moment>,
-    /// Frames since the background was learned or loaded, as far as they matter.
+    /// Frames since the background was learned or loaded; only the first few matter.
     frames: usize,
-    /// Whether the background was learned in this run, so that its light is known to be of now.
+    /// Whether the background is known to match the present light: it was learned in this run, or verified.
     verified: bool,
-    /// Energy of a frame that shows nothing but noise; none before there was one, or where the model knows no noise.
+    /// Energy of a frame that shows only noise; none before there was one, if the model does not know the noise.
     noise: Option<f64>,
     even_s: f64,
     unexplained_s: f64,
@@ -68,38 +68,38 @@ pub(super) struct LightWatch {
 struct Moment {
     seconds: f64,
     light: Light,
-    /// Gain of each patch's colours apart from what the facets explain; of all light without a model of it.
+    /// Gain of each patch's colours apart from what the facets explain; of all light if the model has no gain.
     gain: Light,
 }
 
-/// A step must be over from one frame to the next, or within this time: it may fall into an exposure. In a quarter of a second
-/// nobody starts, goes anywhere and stops.
+/// A step must be complete from one frame to the next or within this time, since it may fall into an exposure. Nobody
+/// starts, goes anywhere and stops within a quarter of a second.
 const AT_ONCE_S: f64 = 0.25;
-/// For so long it must be still before and after, with this many frames.
+/// The light must be still before and after for this long, with at least this many frames.
 const STILL_S: f64 = 0.25;
 const STILL_FRAMES: usize = 3;
 /// How much the light may vary before and after, as a share of the step (twice the standard deviation).
 const STILL: f64 = 0.2;
-/// Moments that are kept: enough for both sides of a step at any rate of frames.
+/// Moments that are kept: enough for both sides of a step at any frame rate.
 const MOMENTS: usize = 256;
 const MEMORY_S: f64 = 3.0;
-/// Slow changes must be this many times as strong as sudden ones: clouds pass, and no map minds a gain.
+/// Slow changes must be this many times as strong as sudden ones: clouds pass, and a gain does not disturb the map.
 const SLOW: f64 = 7.5;
-/// What facets do not explain of a step must be this share of one that counts.
+/// The part of a step that facets do not explain must be at least this share of one that counts.
 const GAIN: f64 = 0.5;
 /// An even change must last this long, an unexplained one this long.
 const EVEN_S: f64 = 0.5;
 const UNEXPLAINED_S: f64 = 3.0;
-/// Of a strong change, people leave less unexplained than this.
+/// People leave less than this share of a strong change unexplained.
 const UNEXPLAINED: f64 = 0.25;
-/// Frames on which a saved background is verified.
+/// Frames until a saved background is checked against the light.
 const VERIFIED: usize = 3;
-/// Time constant of the noise's energy.
+/// Time constant of the noise energy, in seconds.
 const NOISE_S: f64 = 10.0;
 
 impl LightWatch {
-    /// For changes of the light by the share `step`. `known_noise` if frames are weighed by the noise, so that a quiet frame's
-    /// energy is about 1.
+    /// Watches for changes of the light by the share `step`. `known_noise`: frames are weighted by the noise, so that a
+    /// quiet frame's energy is about 1. `verified`: the background was learned in the present light.
     pub fn new(step: f64, known_noise: bool, verified: bool) -> Self {
         Self {
             step,
@@ -112,7 +112,7 @@ impl LightWatch {
         }
     }
 
-    /// Forgets the moments before: frames are missing, or another background is in use.
+    /// Forgets earlier moments: frames are missing, or another background is in use.
     pub fn restart(&mut self) {
         self.recent.clear();
         (self.even_s, self.unexplained_s) = (0.0, 0.0);
@@ -123,13 +123,13 @@ impl LightWatch {
         self.noise.is_none_or(|noise| energy <= factor * noise)
     }
 
-    /// A frame that shows nothing: what its energy is, is noise.
+    /// Learns the noise energy from a frame that shows nothing.
     pub fn quiet(&mut self, energy: f64, step_s: f64) {
         let share = 1.0 - (-step_s / NOISE_S).exp();
         self.noise = Some(self.noise.map_or(energy, |noise| noise + share * (energy - noise)));
     }
 
-    /// Looks at a frame, `step_s` seconds after the one before, whose light is `light` where the empty room's is `reference`.
+    /// Takes a frame, `step_s` seconds after the previous one, with the light `light`; `reference` is the empty room's.
     pub fn observe(
         &mut self,
         seconds: f64,
@@ -154,7 +154,7 @@ impl LightWatch {
             .or_else(|| self.odd(step_s, relative, found))
     }
 
-    /// A saved background in another light.
+    /// Whether a saved background was learned in another light.
     fn unfit(&mut self, relative: Light) -> Option<Change> {
         if self.verified {
             return None;
@@ -167,7 +167,7 @@ impl LightWatch {
     fn sudden(&self, found: &Reconstruction) -> Option<Change> {
         let all = self.recent.as_slices();
         let at = |k: usize| if k < all.0.len() { &all.0[k] } else { &all.1[k - all.0.len()] };
-        // The fewest last frames that span the time; those before the step likewise.
+        // Start of the shortest run of frames before `end` that spans the time.
         let span = |end: usize| {
             (0..end.saturating_sub(STILL_FRAMES - 1))
                 .rev()
@@ -181,7 +181,7 @@ impl LightWatch {
             let change = ratio(new.light, old.light);
             let off = strongest(change);
             let still = 2.0 * old.deviation.max(new.deviation) <= STILL * off.abs();
-            // On one patch alone it is hardly the light.
+            // A change on one patch alone is hardly a change of the light.
             let both = change.iter().all(|rgb| mean(rgb) * off > 0.0 && mean(rgb).abs() > self.step / 4.0);
             let unexplained = strongest(ratio(new.gain, old.gain)).abs() > GAIN * self.step
                 || self.unexplained(found).is_some_and(|share| share > UNEXPLAINED);
@@ -207,14 +207,14 @@ impl LightWatch {
         share.filter(|_| self.unexplained_s >= UNEXPLAINED_S && still() <= STILL * off.abs()).map(Change::Unexplained)
     }
 
-    /// Of what the frame has beyond noise, the share that facets and lamps do not explain; none if that is little.
+    /// The share of the frame's energy beyond noise that facets and lamps do not explain; none if that energy is small.
     fn unexplained(&self, found: &Reconstruction) -> Option<f64> {
         let noise = self.noise?;
         (found.residual > 2.0 * noise).then(|| (found.residual - noise) / (found.energy - noise))
     }
 }
 
-/// Some moments in a row.
+/// Statistics of consecutive moments.
 struct Stretch {
     light: Light,
     gain: Light,
@@ -240,13 +240,13 @@ fn mean(rgb: &[f64; 3]) -> f64 {
     (rgb.iter().sum::<f64>() / 3.0) - 1.0
 }
 
-/// The change of grey light, as a share, of the patch that changed more.
+/// The relative change of grey light on the patch that changed more.
 fn strongest(relative: Light) -> f64 {
     let [left, right] = [0, 1].map(|s| mean(&relative[s]));
     if left.abs() > right.abs() { left } else { right }
 }
 
-/// a / b; 1 where b is black.
+/// a / b per value; 1 where b is not positive.
 fn ratio(a: Light, b: Light) -> Light {
     [0, 1].map(|s| [0, 1, 2].map(|p| if b[s][p] > 0.0 { a[s][p] / b[s][p] } else { 1.0 }))
 }

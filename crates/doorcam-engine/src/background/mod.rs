@@ -1,4 +1,5 @@
-//! Which background frames are compared with, and when it is learned, followed, absorbed into and learned anew.
+//! The background that frames are compared with: when it is learned, followed, extended by what stands still, and
+//! learned anew.
 
 mod absorb;
 mod job;
@@ -9,6 +10,6 @@ mod store;
 
 pub(crate) use job::Job;
 pub use job::Work;
-pub(crate) use keeper::{Keeper, KeeperError, Seen};
+pub(crate) use keeper::{FrameLight, Keeper, KeeperError};
 pub(crate) use spaced::Spaced;
 pub(crate) use store::BackgroundStore;

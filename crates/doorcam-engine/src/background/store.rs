@@ -7,7 +7,7 @@ use crate::Model;
 use doorcam_core::light::{Fingerprint, Snapshot};
 use doorcam_source::files::replace;
 
-/// Where the background is kept from one run to the next.
+/// Keeps the background in a file from one run to the next.
 pub struct BackgroundStore {
     path: PathBuf,
     settings: Box<dyn Fn() -> String + Send>,
@@ -15,15 +15,15 @@ pub struct BackgroundStore {
 }
 
 impl BackgroundStore {
-    /// A file, and in any words all that makes a background of this camera worthless when it changes and that the model of
-    /// the doorway does not know: the image's size, the calibration, exposure, gain and white balance. It is asked for anew each
-    /// time, because some of it is found while frames come.
+    /// Uses the file at `path`. `settings` describes, in any form, what the model of the doorway does not know and what
+    /// invalidates this camera's background when it changes: image size, calibration, exposure, gain and white balance.
+    /// It is called each time, because some of this is only found once frames arrive.
     pub fn new(path: impl Into<PathBuf>, settings: impl Fn() -> String + Send + 'static) -> Self {
         Self { path: path.into(), settings: Box::new(settings), saving: None }
     }
 
-    /// What was saved, if it is of this doorway, camera and exposure and at most `keep_s` seconds old; says what it does not
-    /// use, and why.
+    /// Loads the saved background if it belongs to this doorway, camera and exposure and is at most `keep_s` seconds
+    /// old. Logs why if it cannot be used.
     pub(super) fn load(&mut self, model: &Model, keep_s: f64) -> Option<Snapshot> {
         let name = self.path.display();
         let loaded = read(&self.path, Snapshot::longest(model.patch.size)).and_then(|bytes| match bytes {
@@ -45,14 +45,14 @@ impl BackgroundStore {
         }
     }
 
-    /// Saves it; not if the last saving is still under way.
+    /// Saves a snapshot, unless the previous save is still running.
     pub(super) fn save(&mut self, model: &Model, snapshot: Snapshot, work: Work) {
         match self.saving.take().map(Job::poll) {
             Some(Err(running)) if work == Work::Aside => {
                 self.saving = Some(running);
                 return;
             }
-            // The last saving of all waits, so that an older one does not come after it.
+            // A save in place is the last one: it waits, so that an older one cannot overwrite it.
             Some(Err(Job::Running(handle))) => drop(handle.join()),
             _ => {}
         }
@@ -66,7 +66,7 @@ impl BackgroundStore {
     }
 
     fn fingerprint(&self, model: &Model) -> Fingerprint {
-        // Runs of pixels that count and do not, side after side: what the camera sees of the floor.
+        // Run lengths of counted and uncounted pixels, side after side: what the camera sees of the floor.
         let mut runs = String::new();
         for side in &model.counted {
             for run in side.chunk_by(|a, b| a == b) {
@@ -78,7 +78,7 @@ impl BackgroundStore {
     }
 }
 
-/// The file's bytes, one more than `longest` at most; none if there is no such file.
+/// Reads at most `longest` + 1 bytes of the file; `None` if it does not exist.
 fn read(path: &Path, longest: usize) -> Result<Option<Vec<u8>>, String> {
     let file = match File::open(path) {
         Ok(file) => file,

@@ -5,84 +5,85 @@ use serde::Serialize;
 use super::{Evaluation, FrameScore, StageTimes, TargetScore, Verdict};
 use crate::bench::Quantiles;
 
-/// 95 % of χ² with 2 degrees of freedom are below this.
+/// 95th percentile of χ² with 2 degrees of freedom.
 pub(super) const CHI_SQUARE_95: f64 = 5.991;
 
-/// The figures of one recording; as JSON, what `doorcam evaluate --json` prints (DESIGN: the evaluation contract). A figure of
-/// nothing, as the mean error where nobody was found, is none.
+/// The figures of one recording, as docs/evaluation.md defines them; as JSON, what `doorcam evaluate --json` prints. A
+/// figure without data, such as the mean error if nobody was found, is none.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
-    /// The recording, as it was named.
+    /// The recording's name, as given.
     pub recording: String,
-    /// Its frames, scored or not.
+    /// Number of its frames, scored or not.
     pub frames: usize,
-    /// Frames after the empty room that the truth knows and that have an update.
+    /// Frames after the empty room that the truth contains and that have an update.
     pub scored_frames: usize,
-    /// Targets that should have been found, counted in every scored frame anew.
+    /// Targets that should have been found, counted in each scored frame.
     pub targets: usize,
-    /// Those that were.
+    /// Targets that were found.
     pub detected: usize,
-    /// Those that were not.
+    /// Targets that were not found.
     pub missed: usize,
-    /// What was reported and is nobody, counted in every frame anew.
+    /// Reports of nobody, counted in each scored frame.
     #[serde(rename = "false")]
     pub strays: usize,
-    /// Mean distance from the true to the reported place of those detected, in metres.
+    /// Mean distance between the true and reported places of the detected targets, in metres.
     pub mean_error_m: Option<f64>,
-    /// Root of its mean square.
+    /// Root mean square of that distance, in metres.
     pub rmse_m: Option<f64>,
-    /// 95 of 100 are at most this.
+    /// 95th percentile of that distance, in metres.
     pub p95_error_m: Option<f64>,
-    /// Mean GOSPA distance of the scored frames, in metres.
+    /// Mean GOSPA distance over the scored frames, in metres.
     pub gospa_m: Option<f64>,
-    /// How often a target was found as another track than before.
+    /// How often a target was found as another track than when it was last found.
     pub id_switches: usize,
-    /// Milliseconds a frame; none where the updates do not say.
+    /// Milliseconds per frame; none if the updates do not tell.
     pub timing_ms: Option<ReportTiming>,
-    /// Of the squared GOSPA distance, what each kind of error has, mean over the scored frames.
+    /// Contribution of each kind of error to the squared GOSPA distance, averaged over the scored frames.
     pub gospa: Option<GospaParts>,
-    /// Different people who should have been found.
+    /// Number of different people who should have been found.
     pub people: usize,
-    /// Missed, of targets.
+    /// Missed targets as a share of all targets.
     pub missed_share: Option<f64>,
-    /// Different tracks.
+    /// Number of different tracks.
     pub tracks: usize,
     /// Tracks that are nobody in more than half of the scored frames that report them.
     pub false_tracks: usize,
-    /// Of those detected, how many stand inside the reported 95 % ellipse.
+    /// Share of the detected targets that are inside the reported 95 % ellipse.
     pub ellipse_share: Option<f64>,
-    /// Median of eᵀ P⁻¹ e: 1.386 if the covariances P are right; less if they are too large.
+    /// Median of eᵀ P⁻¹ e: 1.386 if the covariances P are right, less if they are too large.
     pub median_nees: Option<f64>,
-    /// Root of the mean squared bound of those detected, in metres: what could be attained from each frame alone.
+    /// Root mean square of the detected targets' Cramér-Rao bounds, in metres: the least error attainable from single
+    /// frames.
     pub bound_m: Option<f64>,
-    /// That bound as a share of the root of the mean square of the same targets' errors.
+    /// That bound as a share of the same targets' root mean square error.
     pub efficiency: Option<f64>,
 }
 
-/// Times of the scored frames.
+/// Times of the scored frames, in milliseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ReportTiming {
     /// Solving eq. 13.
     pub solve: Quantiles,
-    /// Detections and tracking.
+    /// Detecting and tracking people.
     pub track: Quantiles,
-    /// All of the frame.
+    /// The whole frame.
     pub total: Quantiles,
 }
 
 /// Parts of the squared GOSPA distance, in m².
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GospaParts {
-    /// Of those found.
+    /// From targets that were found.
     pub localisation_m2: f64,
-    /// Of those missed.
+    /// From targets that were missed.
     pub missed_m2: f64,
-    /// Of what is nobody.
+    /// From reports of nobody.
     pub false_m2: f64,
 }
 
 impl Evaluation {
-    /// The figures of a recording of `frames` frames.
+    /// Calculates the figures of a recording with `frames` frames.
     pub fn report(&self, recording: &str, frames: usize) -> Report {
         let count = |verdict| self.frames.iter().map(|frame| frame.count(verdict)).sum::<usize>();
         let (detected, missed) = (count(Verdict::Detected), count(Verdict::Missed));
@@ -129,7 +130,7 @@ impl Evaluation {
         }
     }
 
-    /// In how many scored frames each track is somebody, settling or not, and nobody.
+    /// For each track, in how many scored frames it is somebody (settling or not) and in how many nobody.
     fn tracks(&self) -> HashMap<u64, Life> {
         let mut lives: HashMap<u64, Life> = HashMap::new();
         for frame in &self.frames {
@@ -143,8 +144,8 @@ impl Evaluation {
         lives
     }
 
-    /// Changes of the track that a target is found as, over frames in which it is missed too (CLEAR MOT). Who leaves the room
-    /// is a stranger when they come back.
+    /// Changes of the track that a target is found as, also across frames in which it is missed (CLEAR MOT). Each visit
+    /// to the room counts as another person.
     fn id_switches(&self) -> usize {
         let mut last: HashMap<(u64, usize), u64> = HashMap::new();
         let mut switches = 0;
@@ -167,7 +168,7 @@ impl Evaluation {
     }
 }
 
-/// Scored frames of a track.
+/// Scored frames of a track, by whether it was somebody.
 #[derive(Debug, Clone, Copy, Default)]
 struct Life {
     somebody: usize,
@@ -180,7 +181,7 @@ fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
     values
 }
 
-/// The smallest of sorted values that so large a share of them does not exceed.
+/// The smallest of the sorted values that at least this share of them does not exceed.
 fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let rank = (share * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.saturating_sub(1)).copied()

@@ -2,21 +2,22 @@ use pathfinding::prelude::{Matrix, kuhn_munkres};
 
 use doorcam_core::geometry::Point;
 
-/// Cutoff c, in metres: what is further away is somebody else, and somebody missed or made up costs c²/2.
+/// Cutoff c, in metres: an estimate further away is somebody else. A missed target or false estimate costs c²/2.
 pub const CUTOFF_M: f64 = 0.5;
 
-/// Which estimate is which target, one to one: for each target the index of its estimate.
+/// Assigns estimates to targets one to one; returns for each target the index of its estimate.
 ///
-/// It minimises Σ d² over the pairs plus c²/2 for everybody without a partner, c = `cutoff` in metres, and so pairs nobody
-/// with what is `cutoff` or further away. A place that is not finite is no partner.
+/// Minimises Σ d² over the pairs plus c²/2 for each target or estimate without a partner, with c = `cutoff` in metres,
+/// so that no pair is `cutoff` or further apart. A place that is not finite has no partner.
 pub fn assign(targets: &[Point], estimates: &[Point], cutoff: f64) -> Vec<Option<usize>> {
-    // A pair saves c² − d² against leaving both alone; in whole numbers, as the Hungarian algorithm needs an order.
+    // A pair saves c² − d² compared with leaving both unassigned. As an integer, since the Hungarian algorithm needs a
+    // total order.
     const UNIT: f64 = (1_u64 << 40) as f64;
     let saved = |target: Point, estimate: Point| {
         let share = 1.0 - squared(target, estimate) / (cutoff * cutoff);
         if share > 0.0 { (share * UNIT).round() as i64 } else { 0 }
     };
-    // There must be a column for every row: those beyond the estimates are for nobody.
+    // The algorithm needs at least as many columns as rows: columns beyond the estimates mean no partner.
     let columns = estimates.len().max(targets.len());
     let weights = Matrix::from_fn(targets.len(), columns, |(row, column)| {
         estimates.get(column).map_or(0, |&estimate| saved(targets[row], estimate))
@@ -25,10 +26,10 @@ pub fn assign(targets: &[Point], estimates: &[Point], cutoff: f64) -> Vec<Option
     chosen.into_iter().enumerate().map(|(row, column)| (weights[(row, column)] > 0).then_some(column)).collect()
 }
 
-/// The square of the GOSPA distance of one frame, by what it consists of, in m².
+/// The parts of one frame's squared GOSPA distance, in m².
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Gospa {
-    /// Σ d² over pairs.
+    /// Σ d² over the pairs.
     pub localisation_m2: f64,
     /// c²/2 for each target without an estimate.
     pub missed_m2: f64,
@@ -37,7 +38,7 @@ pub struct Gospa {
 }
 
 impl Gospa {
-    /// Of squared errors of pairs and the numbers of those without a partner.
+    /// From the squared errors of the pairs, in m², and the numbers of targets and estimates without a partner.
     pub fn new(squared_errors: impl IntoIterator<Item = f64>, missed: usize, strays: usize, cutoff: f64) -> Self {
         let alone = cutoff * cutoff / 2.0;
         Self {
@@ -53,8 +54,8 @@ impl Gospa {
     }
 }
 
-/// The GOSPA distance between targets and estimates with p = 2, α = 2 and c = `cutoff` metres (Rahmathullah, García-Fernández,
-/// Svensson, "Generalized optimal sub-pattern assignment metric", FUSION 2017, proposition 1):
+/// The GOSPA distance between targets and estimates with p = 2, α = 2 and c = `cutoff` metres (Rahmathullah,
+/// García-Fernández, Svensson, "Generalized optimal sub-pattern assignment metric", FUSION 2017, proposition 1):
 ///
 /// min over partial assignments γ of ( Σ_{(i,j)∈γ} d(x_i, y_j)² + c²/2 (|X| + |Y| − 2|γ|) )^{1/2}
 pub fn gospa(targets: &[Point], estimates: &[Point], cutoff: f64) -> Gospa {
@@ -76,7 +77,7 @@ mod tests {
 
     use super::*;
 
-    /// The same by trying every partial assignment, with the power p = 2 written out.
+    /// The same distance from trying every partial assignment, with the power p = 2 written out.
     fn by_brute_force(targets: &[Point], estimates: &[Point], c: f64) -> f64 {
         fn least(targets: &[Point], estimates: &[Point], taken: &mut Vec<bool>, c: f64) -> f64 {
             let Some((first, rest)) = targets.split_first() else {
@@ -142,7 +143,7 @@ mod tests {
         assert!((parts.localisation_m2 - 0.09).abs() < 1e-12);
         assert_eq!([parts.missed_m2, parts.false_m2], [0.125, 0.25]);
         assert!((parts.distance_m() - 0.465f64.sqrt()).abs() < 1e-12);
-        // Two pairs beat one that is nearer: 0.3² + 0.3² < 0 + 2 c²/2.
+        // Two pairs beat the one with distance 0: 0.3² + 0.3² < 0 + 2 c²/2.
         let pairs = assign(&[[0.0, 1.0], [0.3, 1.0]], &[[0.3, 1.0], [0.6, 1.0]], 0.5);
         assert_eq!(pairs, [Some(0), Some(1)]);
     }

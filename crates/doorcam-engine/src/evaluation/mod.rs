@@ -1,7 +1,7 @@
-//! How well people are found: what updates report against where everybody really was.
+//! How well people are found: compares what updates report with where everybody really was.
 //!
-//! Frame by frame, [`Scorer`] assigns what is reported to who is there ([`assign`]); [`Evaluation`] has the frames, and
-//! [`Evaluation::report`] the figures (docs/evaluation.md defines each).
+//! For each frame, [`Scorer`] assigns the reported people to the true ones ([`assign`]). [`Evaluation`] holds the
+//! scored frames, and [`Evaluation::report`] calculates the figures that docs/evaluation.md defines.
 
 mod figures;
 mod gospa;

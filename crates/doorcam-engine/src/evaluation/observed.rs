@@ -6,10 +6,10 @@ use crate::{Published, Timing};
 use doorcam_core::geometry::Point;
 use doorcam_core::tracking::{Covariance, Detection, Track, TrackState};
 
-/// Somebody as reported in one frame.
+/// A person as reported in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
-    /// The track; none for a detection, which is of one frame alone.
+    /// The track; none for a detection, which comes from a single frame.
     pub id: Option<u64>,
     /// The body's axis, in metres in the door frame.
     pub position: Point,
@@ -23,15 +23,15 @@ impl From<&Detection> for Estimate {
     }
 }
 
-/// Milliseconds that a frame took.
+/// Processing times of a frame, in milliseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub struct StageTimes {
     /// Solving eq. 13.
     pub solve: f64,
-    /// Detections and tracking.
+    /// Detecting and tracking people.
     #[serde(default)]
     pub track: f64,
-    /// All of the frame.
+    /// The whole frame.
     pub total: f64,
 }
 
@@ -41,14 +41,14 @@ impl From<Timing> for StageTimes {
     }
 }
 
-/// What one update says that can be scored.
+/// The parts of an update that can be scored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observed {
-    /// The frame's number in its recording; none for a live camera's.
+    /// The frame's number in its recording; none for a live camera.
     pub frame: Option<u64>,
-    /// Who is reported.
+    /// Everybody who is reported.
     pub estimates: Vec<Estimate>,
-    /// How long the frame took; none if the update does not say.
+    /// How long the frame took; none if the update does not tell.
     pub times: Option<StageTimes>,
 }
 
@@ -65,7 +65,7 @@ impl Observed {
         Self { estimates: update.tracks.iter().filter(reported).map(estimate).collect(), ..Self::of(published) }
     }
 
-    /// What the frame by itself shows, without its past.
+    /// The detections of the frame by itself, without its past.
     pub fn detections(published: &Published) -> Self {
         Self { estimates: published.detections.iter().map(Estimate::from).collect(), ..Self::of(published) }
     }
@@ -79,22 +79,22 @@ impl Observed {
 /// Why a file of updates cannot be scored.
 #[derive(Debug, thiserror::Error)]
 pub enum ObservedError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error(transparent)]
     Io(#[from] std::io::Error),
-    /// A line is no update.
+    /// A line is not an update.
     #[error("line {line}: {key}: {message}")]
     Invalid {
-        /// Number of the line, from 1.
+        /// Line number, from 1.
         line: usize,
-        /// Where in it.
+        /// The key within the line.
         key: String,
         /// What is wrong.
         message: String,
     },
 }
 
-/// The parts of an update (DESIGN: the update contract) that are scored; all others may be missing.
+/// The parts of an update (docs/api.md) that are scored; all others may be missing.
 #[derive(Deserialize)]
 struct UpdateLine {
     frame: Option<u64>,
@@ -130,8 +130,12 @@ enum TrackLineState {
     Coasting,
 }
 
-/// Reads updates, one JSON object a line, as `doorcam reconstruct` prints them and the live socket sends them. Empty lines,
-/// and updates from before the empty room was learned, are left out.
+/// Reads updates, one JSON object per line, as `doorcam reconstruct` prints them and the live socket sends them. Skips
+/// empty lines, and updates from before the empty room was learned.
+///
+/// # Errors
+///
+/// If reading fails or a line is not an update.
 pub fn read_updates(from: impl BufRead) -> Result<Vec<Observed>, ObservedError> {
     let mut updates = Vec::new();
     for (number, line) in from.lines().enumerate() {

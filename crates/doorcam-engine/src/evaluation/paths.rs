@@ -1,4 +1,4 @@
-//! True and estimated paths, for pictures of them.
+//! True and estimated paths, for drawing.
 
 use std::collections::BTreeMap;
 
@@ -6,25 +6,25 @@ use super::figures::CHI_SQUARE_95;
 use super::{Estimate, Evaluation, FrameScore, TargetScore, Verdict};
 use doorcam_core::geometry::Point;
 
-/// Where one person really was.
+/// The true path of one person during one visit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PersonPath {
-    /// Who.
+    /// The person.
     pub id: u64,
-    /// Place by place, in order.
+    /// The points in order of time.
     pub points: Vec<TruePoint>,
 }
 
-/// One place of a true path.
+/// One point of a true path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TruePoint {
-    /// When.
+    /// Time in seconds.
     pub seconds: f64,
-    /// Where.
+    /// Position in metres in the door frame.
     pub position: Point,
-    /// Whether the person came in so lately that they need not be found.
+    /// Whether the person came in so recently that they need not be found.
     pub settling: bool,
-    /// What they were found as.
+    /// What the person was found as, if found.
     pub found: Option<Found>,
 }
 
@@ -33,38 +33,38 @@ pub struct TruePoint {
 pub struct Found {
     /// The track; none for a detection.
     pub track: Option<u64>,
-    /// The distance to where they are reported, in metres.
+    /// Distance to the reported place, in metres.
     pub error_m: f64,
-    /// How far the reported 95 % ellipse reaches in that direction, in metres; none if it is no ellipse.
+    /// Distance from the reported place to the 95 % ellipse in that direction, in metres; none if there is no ellipse.
     pub reach_m: Option<f64>,
 }
 
-/// What was reported under one name.
+/// The estimated path of one track.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackPath {
-    /// The track; none for all detections together, which have no path.
+    /// The track; none for all detections together, which form no path.
     pub id: Option<u64>,
-    /// Place by place, in order.
+    /// The points in order of time.
     pub points: Vec<EstimatedPoint>,
 }
 
-/// One place of an estimated path.
+/// One point of an estimated path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EstimatedPoint {
-    /// When.
+    /// Time in seconds.
     pub seconds: f64,
-    /// Where.
+    /// Position in metres in the door frame.
     pub position: Point,
-    /// Covariance of the place, in m².
+    /// Covariance of the position, in m².
     pub covariance: [[f64; 2]; 2],
-    /// Whether it is nobody.
+    /// Whether nobody is there.
     pub stray: bool,
-    /// Whether it follows the place before it without a gap in between.
+    /// Whether it follows the previous point without a gap.
     pub joined: bool,
 }
 
 impl Evaluation {
-    /// True paths for a picture: one for each time that somebody was in the room.
+    /// True paths, one for each visit of a person to the room.
     pub fn people(&self) -> Vec<PersonPath> {
         let mut paths: BTreeMap<(u64, usize), PersonPath> = BTreeMap::new();
         for frame in &self.frames {
@@ -77,7 +77,7 @@ impl Evaluation {
         paths.into_values().collect()
     }
 
-    /// Estimated paths for a picture, in the order of their coming.
+    /// Estimated paths, in order of first appearance.
     pub fn estimated(&self) -> Vec<TrackPath> {
         let mut paths: Vec<TrackPath> = Vec::new();
         let mut before: Vec<Option<u64>> = Vec::new();
@@ -101,7 +101,7 @@ impl Evaluation {
 fn true_point(frame: &FrameScore, target: &TargetScore) -> TruePoint {
     let found = || {
         let (error_m, nees) = (target.error_m()?, target.nees()?);
-        // On the ellipse eᵀ P⁻¹ e is 5.991, so that along e it reaches so far; without an error there is no direction.
+        // On the ellipse eᵀ P⁻¹ e = 5.991, which gives its reach along e. Without an error there is no direction.
         let reach = error_m * (CHI_SQUARE_95 / nees).sqrt();
         Some(Found { track: target.estimate?.id, error_m, reach_m: (reach > 0.0).then_some(reach) })
     };
@@ -130,7 +130,7 @@ mod tests {
         };
         let truth = Truth { frames: (0..).zip(there).map(frame).collect() };
         let mut scorer = Scorer::new(&truth, 0, 0.0).unwrap();
-        // 0.3 m to the right, 0.1 m of standard deviation there: the ellipse reaches 0.245 m.
+        // 0.3 m to the right, with a standard deviation of 0.1 m in x: the ellipse reaches 0.245 m.
         let estimate = Estimate { id: Some(7), position: [0.3, 1.0], covariance: [[0.01, 0.0], [0.0, 0.04]] };
         for (index, estimates) in [(0, vec![estimate]), (1, vec![]), (2, vec![estimate]), (3, vec![estimate])] {
             scorer.score(&Observed { frame: Some(index), estimates, times: None });

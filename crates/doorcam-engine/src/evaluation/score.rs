@@ -5,12 +5,12 @@ use super::{CUTOFF_M, Estimate, Gospa, Observed, StageTimes, assign};
 use doorcam_core::geometry::Point;
 use doorcam_source::truth::{Target, Truth};
 
-/// What became of a target in one frame.
+/// Whether a target was found in one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// It came in so lately that it may be found or not.
+    /// It came in so recently that it need not be found: not counted.
     Settling,
-    /// It should have been found, and was not.
+    /// It should have been found but was not.
     Missed,
     /// It was found.
     Detected,
@@ -19,32 +19,32 @@ pub enum Verdict {
 /// One target in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TargetScore {
-    /// Who, and where really.
+    /// The person and their true position.
     pub target: Target,
-    /// What became of it.
+    /// Whether it was found.
     pub verdict: Verdict,
-    /// What it was found as; none where it was not.
+    /// What it was found as; none if it was not found.
     pub estimate: Option<Estimate>,
-    /// How often it has come in, this time included.
+    /// How many times it has come in, including this one.
     pub visit: usize,
-    /// The least root of the mean squared error of an unbiased estimate from this frame alone (the Cramér-Rao bound), in
-    /// metres; none where it is not known.
+    /// The Cramér-Rao bound, in metres: the least root mean square error of an unbiased estimate from this frame alone;
+    /// none if unknown.
     pub bound_m: Option<f64>,
 }
 
 impl TargetScore {
-    /// Where it really is, in metres in the door frame.
+    /// True position, in metres in the door frame.
     pub fn position(&self) -> Point {
         [self.target.x_m, self.target.y_m]
     }
 
-    /// From the true to the reported place, in metres; none if it was not found.
+    /// Distance from the true to the reported position, in metres; none if it was not found.
     pub fn error_m(&self) -> Option<f64> {
         self.estimate.map(|e| squared(self.position(), e.position).sqrt())
     }
 
-    /// Normalised estimation error squared, eᵀ P⁻¹ e: of χ² with 2 degrees of freedom if the covariance P is right. None if
-    /// it was not found; infinite for a P that is not positive definite.
+    /// Normalised estimation error squared, eᵀ P⁻¹ e: χ² distributed with 2 degrees of freedom if the covariance P is
+    /// right. None if it was not found; infinite if P is not positive definite.
     pub fn nees(&self) -> Option<f64> {
         let Estimate { position, covariance: [[xx, xy], [_, yy]], .. } = self.estimate?;
         let [x, y] = [position[0] - self.target.x_m, position[1] - self.target.y_m];
@@ -62,42 +62,42 @@ impl TargetScore {
 pub struct FrameScore {
     /// Its number in the recording.
     pub index: u64,
-    /// Its time by the truth, in seconds.
+    /// Its time in the truth, in seconds.
     pub seconds: f64,
-    /// Everybody who is there.
+    /// Everybody who is really there.
     pub targets: Vec<TargetScore>,
-    /// What was reported and is nobody.
+    /// Reports of nobody.
     pub strays: Vec<Estimate>,
-    /// How long it took to reconstruct; none if the update did not say.
+    /// How long it took to reconstruct; none if the update does not tell.
     pub times: Option<StageTimes>,
 }
 
 impl FrameScore {
-    /// Targets with this verdict.
+    /// Number of targets with this verdict.
     pub fn count(&self, verdict: Verdict) -> usize {
         self.targets.iter().filter(|t| t.verdict == verdict).count()
     }
 
-    /// Targets that were found and count.
+    /// Targets that count and were found.
     pub fn detected(&self) -> impl Iterator<Item = &TargetScore> {
         self.targets.iter().filter(|t| t.verdict == Verdict::Detected)
     }
 
-    /// GOSPA between the targets that count and what was reported, without those who settle and what they were found as:
-    /// taking out a pair of an optimal assignment, or somebody without a partner, leaves the rest optimal.
+    /// GOSPA between the targets that count and the reports, without settling targets and their partners: removing a
+    /// pair of an optimal assignment, or somebody without a partner, leaves the rest optimal.
     pub fn gospa(&self) -> Gospa {
         let errors = self.detected().filter_map(TargetScore::error_m).map(|e| e * e);
         Gospa::new(errors, self.count(Verdict::Missed), self.strays.len(), CUTOFF_M)
     }
 }
 
-/// Why a truth cannot be compared with.
+/// Why a truth cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TruthProblem {
-    /// A frame is there twice.
+    /// A frame occurs twice.
     #[error("frames: index {0} is there twice")]
     FrameTwice(u64),
-    /// A frame has two targets of one name.
+    /// A frame has two targets with the same id.
     #[error("frames: index {frame} has two targets with id {id}, expected each target once")]
     TargetTwice {
         /// The frame.
@@ -107,14 +107,14 @@ pub enum TruthProblem {
     },
 }
 
-/// Scores the frames of one recording, in their order.
+/// Scores the frames of one recording.
 pub struct Scorer {
     known: BTreeMap<u64, KnownFrame>,
     frames: Vec<FrameScore>,
     scored: HashSet<u64>,
 }
 
-/// A frame of the truth, and who in it has just come in.
+/// A frame of the truth, with who has just come in.
 struct KnownFrame {
     seconds: f64,
     targets: Vec<Known>,
@@ -127,13 +127,17 @@ struct Known {
 }
 
 impl Scorer {
-    /// For the frames of `truth` from `first` on. Nobody counts for `settle_s` seconds after they came in: after the first
-    /// known frame with them, or the first one after a known frame without them.
+    /// Scores the frames of `truth` from `first` on. People do not count for `settle_s` seconds after they came in,
+    /// which is the first known frame with them, or the first one after a known frame without them.
+    ///
+    /// # Errors
+    ///
+    /// If the truth has a frame twice, or a target twice in one frame.
     pub fn new(truth: &Truth, first: u64, settle_s: f64) -> Result<Self, TruthProblem> {
         let mut sorted: Vec<_> = truth.frames.iter().collect();
         sorted.sort_by_key(|frame| frame.index);
         let mut known = BTreeMap::new();
-        // Since when somebody is there, and how often they came in.
+        // When somebody who is there came in, and how many times everybody has come in.
         let mut inside: HashMap<u64, f64> = HashMap::new();
         let mut visits: HashMap<u64, usize> = HashMap::new();
         for frame in sorted {
@@ -148,7 +152,7 @@ impl Scorer {
                 if now.insert(target.id, came).is_some() {
                     return Err(TruthProblem::TargetTwice { frame: frame.index, id: target.id });
                 }
-                // A hair of slack: 2.2 - 1.2 is less than 1.
+                // Tolerance for rounding: 2.2 - 1.2 is less than 1.
                 let settling = frame.t - came < settle_s - 1e-6;
                 targets.push(Known { target, settling, visit: *visit });
             }
@@ -160,14 +164,14 @@ impl Scorer {
         Ok(Self { known: known.split_off(&first), frames: Vec::new(), scored: HashSet::new() })
     }
 
-    /// Scores what was reported for a frame. Frames that are not to be scored, that the truth does not know or that were
-    /// scored before are left out.
+    /// Scores what was reported for a frame. Ignores frames before the first to be scored, frames that the truth does
+    /// not contain, and frames that were scored before.
     pub fn score(&mut self, observed: &Observed) {
         self.score_against(observed, |_, _| None);
     }
 
-    /// The same, with a yardstick: `bound_m` tells the least error, in metres, with which somebody at a true place could have been
-    /// located who was found as that estimate.
+    /// Like [`Scorer::score`], with a bound: `bound_m` gives the least error, in metres, with which a person at the
+    /// true position, found as that estimate, could have been located.
     pub fn score_against(&mut self, observed: &Observed, bound_m: impl Fn(Point, &Estimate) -> Option<f64>) {
         let Some((index, known)) = observed.frame.and_then(|index| Some((index, self.known.get(&index)?))) else {
             return;
@@ -199,7 +203,7 @@ impl Scorer {
         });
     }
 
-    /// Everything that was scored, in the order of the frames.
+    /// All scored frames, in order.
     pub fn finish(mut self) -> Evaluation {
         self.frames.sort_by_key(|frame| frame.index);
         let unseen = self.known.len() - self.frames.len();
@@ -212,7 +216,7 @@ impl Scorer {
 pub struct Evaluation {
     /// The scored frames, in order.
     pub frames: Vec<FrameScore>,
-    /// Frames that should have been scored and for which there was no update.
+    /// Number of frames that should have been scored but had no update.
     pub unseen: usize,
 }
 

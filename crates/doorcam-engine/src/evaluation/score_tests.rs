@@ -9,7 +9,7 @@ fn target(id: u64, [x_m, y_m]: Point) -> Target {
     Target { id, x_m, y_m, radius_m: 0.2, rgb: [0.0; 3] }
 }
 
-/// 0.1 m of standard deviation along both axes.
+/// With a standard deviation of 0.1 m along both axes.
 fn track(id: u64, position: Point) -> Estimate {
     Estimate { id: Some(id), position, covariance: [[0.01, 0.0], [0.0, 0.01]] }
 }
@@ -19,7 +19,7 @@ fn truth_of(frames: impl IntoIterator<Item = (u64, Vec<Target>)>) -> Truth {
     Truth { frames: frames.into_iter().map(frame).collect() }
 }
 
-/// Frame by frame who is there and what is reported, from frame 0 on.
+/// Evaluates, frame by frame from frame 0, who is there and what is reported.
 fn evaluate(frames: &[(Vec<Target>, Vec<Estimate>)], first: u64, settle_s: f64) -> Evaluation {
     let truth = truth_of((0..).zip(frames.iter().map(|(targets, _)| targets.clone())));
     let mut scorer = Scorer::new(&truth, first, settle_s).unwrap();
@@ -39,7 +39,7 @@ fn counts(report: &Report) -> [usize; 4] {
 
 #[test]
 fn errors_and_their_figures_are_those_of_the_definitions() {
-    // Errors of 0.0, 0.1, ... 0.4 m, and one beyond the cutoff: missed, and reported for nobody.
+    // Errors of 0.0, 0.1, ... 0.4 m, and one beyond the cutoff: missed, and reported as nobody.
     let frames: Vec<_> = [0.0, 0.1, 0.2, 0.3, 0.4, 0.6]
         .map(|error| (vec![target(1, [0.0, 1.0])], vec![track(7, [error, 1.0])]))
         .to_vec();
@@ -55,7 +55,7 @@ fn errors_and_their_figures_are_those_of_the_definitions() {
     near(Some(parts.localisation_m2), 0.3 / 6.0);
     near(Some(parts.missed_m2), 0.125 / 6.0);
     near(Some(parts.false_m2), 0.125 / 6.0);
-    // (error / 0.1 m)²: 0, 1, 4, 9, 16; below 5.991 are three.
+    // (error / 0.1 m)²: 0, 1, 4, 9, 16; three are below 5.991.
     near(report.ellipse_share, 0.6);
     near(report.median_nees, 4.0);
     assert_eq!([report.tracks, report.false_tracks, report.id_switches, report.people], [1, 0, 0, 1]);
@@ -106,7 +106,7 @@ fn a_switch_is_one_also_across_frames_that_miss() {
     assert_eq!(switches(&[Some(1), None, Some(1)]), 0);
     assert_eq!(switches(&[Some(1), None, Some(2)]), 1);
     assert_eq!(switches(&[Some(1), Some(2), Some(1)]), 2);
-    // Who left and comes back is a stranger, also where the frame of the return has no update.
+    // Somebody who left and comes back is another person, even if the frame of the return has no update.
     let away = (vec![], vec![]);
     let again = [frame(Some(1)), away, frame(Some(2)), frame(Some(2))];
     assert_eq!(report(&again, 0, 0.0).id_switches, 0);
@@ -121,7 +121,7 @@ fn a_switch_is_one_also_across_frames_that_miss() {
 
 #[test]
 fn while_somebody_settles_nothing_about_them_is_right_or_wrong() {
-    // In from frame 5 on, found from frame 10 on; one second is up in frame 15.
+    // There from frame 5 on, found from frame 10 on; one second has passed in frame 15.
     let here = [0.0, 1.0];
     let frame = |k: i32| {
         let there = if k >= 5 { vec![target(1, here)] } else { vec![] };
@@ -134,7 +134,7 @@ fn while_somebody_settles_nothing_about_them_is_right_or_wrong() {
     assert_eq!(counts(&report(&frames, 0, 0.0)), [15, 10, 5, 0]);
     assert_eq!(counts(&report(&frames, 0, 0.7)), [8, 8, 0, 0]);
     assert_eq!(counts(&report(&frames, 0, 0.3)), [12, 10, 2, 0]);
-    // Those who come again settle again; a frame that the truth does not know is no absence.
+    // Whoever comes back settles again; a frame that the truth does not contain is no absence.
     let gone = (0..40).filter(|&k| k != 30).map(|k| (k, if k == 20 { vec![] } else { vec![target(1, here)] }));
     let truth = truth_of(gone);
     let mut scorer = Scorer::new(&truth, 0, 1.0).unwrap();
@@ -161,9 +161,9 @@ fn a_false_track_is_nobody_for_most_of_its_life() {
     };
     let false_tracks = |right, wrong| report(&frames(right, wrong), 0, 0.0).false_tracks;
     assert_eq!([false_tracks(3, 2), false_tracks(2, 2), false_tracks(2, 3), false_tracks(0, 1)], [0, 0, 1, 1]);
-    // Found while settling is found.
+    // To be found while settling is to be found.
     assert_eq!(report(&frames(3, 2), 0, 9.0).false_tracks, 0);
-    // What frames before the first scored one report does not count.
+    // Reports in frames before the first scored one do not count.
     assert_eq!(report(&frames(3, 2), 3, 0.0).false_tracks, 1);
 }
 
@@ -172,7 +172,7 @@ fn frames_that_nobody_knows_or_that_come_too_early_are_not_scored() {
     let here = [0.0, 1.0];
     let truth = truth_of([(2, vec![target(1, here)]), (3, vec![target(1, here)]), (5, vec![target(1, here)])]);
     let mut scorer = Scorer::new(&truth, 3, 0.0).unwrap();
-    // Out of order, twice, and of a live camera.
+    // Out of order, twice, and from a live camera.
     for frame in [Some(5), Some(2), Some(4), Some(3), Some(3), None] {
         scorer.score(&Observed { frame, estimates: vec![track(1, here)], times: None });
     }

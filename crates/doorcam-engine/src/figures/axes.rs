@@ -1,18 +1,18 @@
-//! Metre axes around a frame.
+//! Axes in metres around a frame.
 
 use svg::node::element::{Group, Path, Rectangle};
 
 use super::frame::Frame;
 use super::text::{Anchor, decimal, line, unit};
 
-/// Space that axes take left of and below their frame, in page units.
+/// Space that the axes take to the left of and below their frame, in page units.
 pub(super) const LEFT: f64 = 54.0;
 pub(super) const BELOW: f64 = 36.0;
 
 const TICK: f64 = 4.0;
 const TICK_TEXT: f64 = 10.0;
 const LABEL_TEXT: f64 = 11.0;
-/// Page units that one tick label needs for itself.
+/// Page units between ticks, so that labels do not touch.
 pub(super) const SPACING: f64 = 42.0;
 
 /// Border, ticks and labels of both axes, in metres.
@@ -58,22 +58,22 @@ pub(super) fn axes(frame: &Frame) -> Group {
         )
 }
 
-/// Round numbers in a range, about `count` of them at most but two at least, and the decimals that tell them apart.
+/// Round numbers in a range and their number of decimals: at most about `count` of them, but at least two.
 pub(super) fn ticks([low, high]: [f64; 2], count: f64) -> (Vec<f64>, usize) {
     let coarse = (high - low) / count.max(1.0);
     let power = 10f64.powf(coarse.log10().floor());
-    // The smallest of 1, 2, 5, 10 that keeps to the count; a hair of slack, as 0.5 / 0.5 may come out just above 1.
+    // The smallest of 1, 2, 5, 10 that keeps to the count. The tolerance is for 0.5 / 0.5 coming out just above 1.
     let step = [1.0, 2.0, 5.0].iter().map(|m| m * power).find(|s| s * (1.0 + 1e-9) >= coarse).unwrap_or(10.0 * power);
     if !(step.is_finite() && step > 0.0) {
         return (Vec::new(), 0);
     }
     let first = (low / step - 1e-9).ceil() as i64;
     let last = (high / step + 1e-9).floor() as i64;
-    // Rounding a range that is absurdly far from zero must not make an endless axis.
+    // Rounding in a range absurdly far from zero must not make an endless axis.
     let last = last.min(first.saturating_add(100));
     let decimals = (-step.log10() - 1e-9).ceil().clamp(0.0, 12.0) as usize;
     let values: Vec<f64> = (first..=last).map(|k| k as f64 * step).collect();
-    // One number makes no scale: rather crowd a short axis.
+    // A single number is no scale: rather crowd a short axis.
     if values.len() < 2 && count < 8.0 {
         return ticks([low, high], 2.0 * count.max(1.0));
     }

@@ -1,4 +1,4 @@
-//! Linear light to the sRGB bytes of a picture.
+//! Linear light to sRGB bytes.
 
 use doorcam_core::scene::{Rgb, Scene, Sign};
 
@@ -9,11 +9,11 @@ pub(super) fn encode(linear: f64) -> u8 {
     (255.0 * encoded).round() as u8
 }
 
-/// One brightness scale for the three views of a sign, so that they compare.
+/// One brightness scale for the three views of a sign, so that they can be compared.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Exposure {
     pub(super) sign: Sign,
-    /// The change shown at full brightness: the largest of any facet, channel and view. 0 if nothing changed.
+    /// The change shown at full brightness: the largest of any facet, colour and view. 0 if nothing changed.
     pub(super) white: f64,
 }
 
@@ -25,7 +25,7 @@ impl Exposure {
         Self { sign, white }
     }
 
-    /// The colour of a facet, or none if it is dark: nothing of this sign, or too little to show in 8 bits.
+    /// The colour of a facet; none if it has nothing of this sign, or too little to show in 8 bits.
     pub(super) fn colour(&self, rgb: Rgb) -> Option<[u8; 3]> {
         if self.white <= 0.0 || rgb.iter().any(|v| !v.is_finite()) {
             return None;
@@ -34,7 +34,7 @@ impl Exposure {
     }
 }
 
-/// A colour as SVG writes it.
+/// A colour in SVG notation.
 pub(super) fn hex([r, g, b]: [u8; 3]) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }

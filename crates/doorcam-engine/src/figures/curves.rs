@@ -1,4 +1,4 @@
-//! Curves over one choice, on logarithmic axes: how an error depends on it.
+//! Curves on logarithmic axes: how an error depends on a choice.
 
 use svg::Document;
 use svg::node::element::{Circle, Group, Path, Rectangle, Title};
@@ -9,31 +9,31 @@ use doorcam_core::geometry::Point;
 /// What the figure shows.
 #[derive(Debug, Clone, Copy)]
 pub struct CurvesPicture<'a> {
-    /// What stands below the horizontal axes.
+    /// Label below the horizontal axes.
     pub x_label: &'a str,
-    /// What stands beside the vertical ones.
+    /// Label beside the vertical axes.
     pub y_label: &'a str,
-    /// From left to right.
+    /// The panels from left to right.
     pub panels: &'a [CurvesPanel],
-    /// What to print below; wrapped to the width.
+    /// Text below, wrapped to the width.
     pub caption: &'a str,
 }
 
-/// Curves that share their axes.
+/// One plot; all panels of a picture share the axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CurvesPanel {
-    /// What stands above it.
+    /// Title above the panel.
     pub title: String,
-    /// In the order of the key.
+    /// Curves in the order of the key.
     pub curves: Vec<Curve>,
 }
 
 /// One curve.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
-    /// What it is called in the key.
+    /// Name in the key.
     pub name: String,
-    /// Points (x, y) in the order of x. Where one is not finite or not above 0, the curve is broken.
+    /// Points (x, y) in order of x. The curve is broken where one is not finite or not above 0.
     pub points: Vec<Point>,
 }
 
@@ -49,10 +49,10 @@ const CAPTION_TEXT: f64 = 12.0;
 const CAPTION_LINE: f64 = 17.0;
 const KEY: f64 = 190.0;
 const GRID: &str = "#e4e4e8";
-/// As for tracks: colours that also those tell apart who see no red or green (Okabe and Ito).
+/// The palette of tracks in another order: colours that people with red-green blindness can tell apart (Okabe and Ito).
 const PALETTE: [&str; 5] = ["#cc79a7", "#e69f00", "#009e73", "#0072b2", "#56b4e9"];
 
-/// Draws the curves of each panel, all on the same axes.
+/// Draws the curves of all panels on the same axes, as an SVG document.
 pub fn curves_svg(picture: &CurvesPicture) -> String {
     let points = || picture.panels.iter().flat_map(|panel| &panel.curves).flat_map(|curve| &curve.points);
     let drawn = || points().filter(|point| shown(**point));
@@ -94,7 +94,7 @@ pub fn curves_svg(picture: &CurvesPicture) -> String {
         .to_string()
 }
 
-/// Whether logarithms can show a point.
+/// Whether a logarithmic axis can show a point.
 fn shown(point: Point) -> bool {
     point.iter().all(|v| (1e-12..=1e12).contains(v))
 }
@@ -109,7 +109,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// A little longer than the values reach; from 0.1 to 10 if there are none.
+    /// An axis slightly longer than the range of the values; from 0.1 to 10 if there are none.
     fn over(values: impl Iterator<Item = f64>, length: f64, upright: bool) -> Self {
         let (low, high) =
             values.map(f64::ln).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
@@ -118,17 +118,17 @@ impl Axis {
         Self { ends: [low - margin, high + margin], length, upright }
     }
 
-    /// Page units from the axis's start, to the right or down.
+    /// Position in page units from the axis's left or top end.
     fn place(&self, value: f64) -> f64 {
         let share = (value.ln() - self.ends[0]) / (self.ends[1] - self.ends[0]);
         self.length * if self.upright { 1.0 - share } else { share }
     }
 
-    /// 1, 2 and 5 times powers of ten, or powers alone where those would crowd.
+    /// 1, 2 and 5 times powers of ten, or powers alone if those would be crowded.
     fn ticks(&self) -> Vec<f64> {
         let decades = self.ends.map(|end| end / std::f64::consts::LN_10);
-        let room = self.length / (decades[1] - decades[0]);
-        let multiples: &[f64] = if room > 110.0 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+        let decade = self.length / (decades[1] - decades[0]);
+        let multiples: &[f64] = if decade > 110.0 { &[1.0, 2.0, 5.0] } else { &[1.0] };
         let powers = decades[0].floor() as i32..=decades[1].ceil() as i32;
         let ticks = powers.flat_map(|power| multiples.iter().map(move |m| m * 10f64.powi(power)));
         ticks.filter(|tick| (self.ends[0]..=self.ends[1]).contains(&tick.ln())).collect()
@@ -180,7 +180,7 @@ fn plot(picture: &CurvesPicture, panel: &CurvesPanel, [x, y]: &[Axis; 2], [left,
     group.add(border.set("width", PLOT[0]).set("height", PLOT[1]).set("stroke-width", 0.8))
 }
 
-/// A tick as one writes it: 0.002, 5, 200, 1e−5.
+/// A tick label: 0.002, 5, 200, 1e−5.
 fn number(value: f64) -> String {
     if (1e-4..1e5).contains(&(value * (1.0 + 1e-9))) {
         let decimals = (-value.log10().floor() - 1e-9).max(0.0).ceil() as usize;

@@ -1,9 +1,9 @@
-//! The two patches, and their colour-magnified difference (paper: figure 10 g, h and figure 14 g, h).
+//! The two patches and their colour-magnified difference (paper: figure 10 g, h and figure 14 g, h).
 
 use super::{RenderError, colour, raster};
 use doorcam_core::light::{Patch, PatchPair};
 
-/// The largest |y| of both patches, the scale that makes their colours compare; 0 if nothing differs.
+/// The largest |y| of both patches, a common scale that makes them comparable; 0 if nothing differs.
 pub(super) fn largest(difference: &PatchPair) -> f64 {
     [&difference.left, &difference.right]
         .into_iter()
@@ -19,7 +19,7 @@ pub(super) fn magnify(y: f64, largest: f64) -> u8 {
     (255.0 * (relative / 2.0 + 0.5)).round() as u8
 }
 
-/// One magnified patch, row 0 (the row at the wall) on top, each pixel enlarged to `pixel_scale` squared; RGB bytes.
+/// One magnified patch as RGB bytes: row 0 (at the wall) on top, each patch pixel `pixel_scale` pixels wide and high.
 pub(super) fn magnified(patch: &Patch, largest: f64, pixel_scale: usize) -> Vec<u8> {
     enlarged(patch, pixel_scale, |y| magnify(y, largest))
 }
@@ -39,20 +39,28 @@ fn enlarged(patch: &Patch, pixel_scale: usize, byte: impl Fn(f64) -> u8) -> Vec<
     bytes
 }
 
-/// The left and the right difference side by side, with a white gap between them, as a PNG: y / max|y| / 2 + 0.5 with one
-/// scale for both, row 0 (at the wall) on top, each patch pixel `pixel_scale` picture pixels wide and high.
+/// The left and the right difference side by side, with a white gap between them, as a PNG: y / max|y| / 2 + 0.5 with
+/// one scale for both, row 0 (at the wall) on top, each patch pixel `pixel_scale` picture pixels wide and high.
+///
+/// # Errors
+///
+/// If the picture would be empty or too large, or the PNG cannot be written.
 pub fn difference_png(difference: &PatchPair, pixel_scale: u32) -> Result<Vec<u8>, RenderError> {
     let largest = largest(difference);
     pair_png(difference, pixel_scale, |y| magnify(y, largest))
 }
 
-/// The left and the right patch as they are, linear light in sRGB bytes; laid out as the difference is.
+/// The left and the right patch as they are, linear light encoded as sRGB, in the layout of [`difference_png`].
+///
+/// # Errors
+///
+/// If the picture would be empty or too large, or the PNG cannot be written.
 pub fn patches_png(patches: &PatchPair, pixel_scale: u32) -> Result<Vec<u8>, RenderError> {
     pair_png(patches, pixel_scale, colour::encode)
 }
 
 fn pair_png(pair: &PatchPair, pixel_scale: u32, byte: impl Fn(f64) -> u8) -> Result<Vec<u8>, RenderError> {
-    /// Between the patches, in patch pixels.
+    /// Space between the patches, in patch pixels.
     const GAP: u64 = 4;
     let [left, right] = [&pair.left, &pair.right];
     let scale = u64::from(pixel_scale);
@@ -61,7 +69,7 @@ fn pair_png(pair: &PatchPair, pixel_scale: u32, byte: impl Fn(f64) -> u8) -> Res
     let height = left_size.max(right_size).saturating_mul(scale);
     raster::check_size(width, height)?;
 
-    // The check above keeps all of these far below the limits of their types.
+    // After this check none of these can overflow its type.
     let (width, height, scale) = (width as usize, height as usize, scale as usize);
     let mut page = vec![u8::MAX; 3 * width * height];
     for (patch, column) in [(left, 0), (right, (left.size() + GAP as usize) * scale)] {

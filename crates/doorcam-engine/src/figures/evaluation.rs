@@ -1,48 +1,34 @@
-//! True and estimated paths on the floor plan, with the errors over time beside it.
+//! True and estimated paths on the floor plan, beside the errors over time.
 
 use svg::Document;
 use svg::node::element::{ClipPath, Definitions, Group, Rectangle, Title};
 
+use super::evaluation_picture::EvaluationPicture;
 use super::frame::{Frame, length_or};
 use super::plan::{floor, key, people_and_tracks, shades};
 use super::text::{Anchor, FONT, line, unit, wrap};
 use super::{axes, timeline};
-use crate::evaluation::{PersonPath, TrackPath};
-use doorcam_core::geometry::{Doorway, Room};
+use crate::evaluation::PersonPath;
+use doorcam_core::geometry::Doorway;
 
-/// What the picture shows. Places in metres in the door frame, times in seconds.
-#[derive(Debug, Clone, Copy)]
-pub struct EvaluationPicture<'a> {
-    /// The opening.
-    pub doorway: &'a Doorway,
-    /// The hidden room.
-    pub room: &'a Room,
-    /// True paths: one for each time that somebody was in the room.
-    pub people: &'a [PersonPath],
-    /// Estimated paths: one a track; detections are points without a path.
-    pub tracks: &'a [TrackPath],
-    /// What to print below; wrapped to the width.
-    pub caption: &'a str,
-}
-
-/// The floor plan is at most so wide and high, in page units.
+/// Maximum width and height of the floor plan, in page units.
 const PLAN: [f64; 2] = [520.0, 560.0];
-/// Width of the rows of errors over time.
+/// Width of the rows of errors over time, in page units.
 const TIMELINE: f64 = 400.0;
 const GAP: f64 = 14.0;
 const TITLE: f64 = 24.0;
 const TITLE_TEXT: f64 = 12.5;
 const CAPTION_TEXT: f64 = 12.0;
 const CAPTION_LINE: f64 = 17.0;
-/// Space between the two panels, for the labels of the second.
+/// Space between the two panels, for the labels of the second one.
 const BETWEEN: f64 = 74.0;
 const CLIP: &str = "doorcam-evaluation-clip";
 
 /// Draws true and estimated paths as a figure for print, an SVG document.
 ///
-/// Left: the floor plan to scale. True paths are dark, with a mark where they start and a tick every whole number of seconds;
-/// estimates are coloured, a colour a track, with the 95 % error ellipse at every tick. Right: a row for each true path, its
-/// error over time against how far the reported ellipse reaches in the error's direction.
+/// Left: the floor plan to scale. True paths are dark, with a mark at the start and ticks at whole numbers of seconds.
+/// Estimates have one colour per track, with the 95 % error ellipse at every tick. Right: one row per true path, with
+/// its error over time against the reach of the reported ellipse in the error's direction.
 pub fn evaluation_svg(picture: &EvaluationPicture) -> String {
     let doorway = &Doorway {
         width_m: length_or(picture.doorway.width_m, 0.0),
@@ -97,7 +83,7 @@ pub fn evaluation_svg(picture: &EvaluationPicture) -> String {
         .to_string()
 }
 
-/// The part of the floor plan that is shown: the room, wherever else somebody truly was, and some floor before the wall.
+/// The part of the floor plan that is shown: the room, all true positions, and some floor in front of the wall.
 fn extent(picture: &EvaluationPicture, doorway: &Doorway) -> Frame {
     let [mut half, mut depth] = [picture.room.half_width_m, picture.room.depth_m].map(|v| length_or(v, 1.0));
     for [x, y] in picture.people.iter().flat_map(|person| &person.points).map(|point| point.position) {
@@ -109,7 +95,7 @@ fn extent(picture: &EvaluationPicture, doorway: &Doorway) -> Frame {
     Frame { left: axes::LEFT, top: GAP + TITLE, scale, x: [-half, half], y: [-before, depth] }
 }
 
-/// Seconds from tick to tick of a path: whole ones, some 15 on the longest path.
+/// Seconds between the ticks of a path: a round number, with about 15 ticks on the longest path.
 fn tick_step(people: &[PersonPath]) -> f64 {
     let span = |person: &PersonPath| match (person.points.first(), person.points.last()) {
         (Some(first), Some(last)) => last.seconds - first.seconds,

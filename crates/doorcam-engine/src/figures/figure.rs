@@ -18,22 +18,22 @@ use doorcam_core::transport::PatchGrid;
 /// What a figure shows.
 #[derive(Debug, Clone, Copy)]
 pub struct ReconstructionPicture<'a> {
-    /// The opening, in metres.
+    /// The doorway, in metres.
     pub doorway: &'a Doorway,
-    /// The facets of the map and the room they cover, in metres.
+    /// The facets of the map and their room, in metres.
     pub grid: &'a FacetGrid,
-    /// Size and place of the two floor patches, in metres.
+    /// Size of the two floor patches, in metres.
     pub patch: &'a PatchGrid,
-    /// One change per facet and view, linear light.
+    /// The change of each facet per view, in linear light.
     pub scene: &'a Scene,
-    /// The measured difference that the scene explains, linear light; left out of the figure if there is none.
+    /// The difference that the scene explains, in linear light; left out of the figure if none.
     pub difference: Option<&'a PatchPair>,
-    /// What to print below the figure; wrapped to its width.
+    /// Text below the figure, wrapped to its width.
     pub caption: &'a str,
 }
 
 impl<'a> ReconstructionPicture<'a> {
-    /// A scene that a model found.
+    /// The picture of a scene that `model` found.
     pub fn of(
         model: &'a Model,
         scene: &'a Scene,
@@ -45,30 +45,30 @@ impl<'a> ReconstructionPicture<'a> {
     }
 }
 
-/// A bird's-eye panel is at most so wide and high, in page units.
+/// Maximum width and height of a bird's-eye panel, in page units.
 const PANEL: [f64; 2] = [270.0, 330.0];
-/// Side of a magnified patch on the page.
+/// Side of a magnified patch, in page units.
 const PATCH: f64 = 180.0;
-/// A column leaves at least so much room, for titles and the key.
+/// Minimum width of a column, for titles and the key.
 const NARROW: f64 = 220.0;
-/// A row is at least so high, for the brightness scale and its label.
+/// Minimum height of a row, for the brightness scale and its label.
 const SHALLOW: f64 = 120.0;
 const TITLE: f64 = 24.0;
 const TITLE_TEXT: f64 = 12.5;
 const GAP: f64 = 12.0;
 const CAPTION_TEXT: f64 = 12.0;
 const CAPTION_LINE: f64 = 17.0;
-/// Ids of shared shapes. Prefixed, so that a page may hold the SVG inline.
+/// Ids of shared shapes, with a prefix because a page may embed the SVG.
 const CLIP: &str = "doorcam-figure-clip";
 const BACKDROP: &str = "doorcam-figure-backdrop";
 
 /// Draws the reconstruction as a figure for print, an SVG document.
 ///
-/// Rows: what became brighter, what became darker, the latter as the light that is missing. Columns: left view, right
-/// view, unified map, all to scale in metres; each row has one brightness scale. Below: the colour-magnified difference
-/// of the two patches, y / max|y| / 2 + 0.5, the row at the wall on top.
+/// Rows: what became brighter; what became darker, drawn as the light that is missing. Columns: left view, right view,
+/// unified map, all to scale in metres. Each row has one brightness scale. Below: the colour-magnified difference of
+/// the two patches, y / max|y| / 2 + 0.5, with the row at the wall on top.
 pub fn reconstruction_svg(picture: &ReconstructionPicture) -> String {
-    // From here on lengths are lengths; one that is not a number, or absurd, is drawn as none.
+    // Replaces lengths that are not numbers, or absurd, so that everything below can rely on them.
     let doorway = Doorway {
         width_m: length_or(picture.doorway.width_m, 0.0),
         wall_thickness_m: length_or(picture.doorway.wall_thickness_m, 0.0),
@@ -136,7 +136,7 @@ fn birds_eye(picture: &ReconstructionPicture) -> Frame {
     Frame { left: 0.0, top: 0.0, scale, x: [-half, half], y: [-floor, depth] }
 }
 
-/// One row: left view, right view and unified map of one sign, with their brightness scale.
+/// One row of panels for one sign: left view, right view and unified map, with their brightness scale.
 fn panels(picture: &ReconstructionPicture, plan: &Plan, at: &Frame, sign: Sign, cell: f64) -> Group {
     let exposure = Exposure::new(picture.scene, sign);
     let (titles, word, id, direction) = match sign {
@@ -166,7 +166,7 @@ fn panels(picture: &ReconstructionPicture, plan: &Plan, at: &Frame, sign: Sign, 
     group
 }
 
-/// The two magnified differences in metres of floor, with their common scale.
+/// The two magnified differences, with axes in metres of floor and a common scale.
 fn patches(picture: &ReconstructionPicture, pair: &PatchPair, columns: [f64; 2], top: f64) -> Group {
     let fov = length_or(picture.patch.fov_m, 1.0);
     let wall = picture.doorway.wall_thickness_m;
@@ -179,7 +179,7 @@ fn patches(picture: &ReconstructionPicture, pair: &PatchPair, columns: [f64; 2],
         let x = [middle - fov / 2.0, middle + fov / 2.0];
         let frame = Frame { left, top, scale: PATCH / fov, x, y: [-wall - fov, -wall] };
         let patch = pair.side(side);
-        // Enlarged in the PNG too: some viewers smooth whatever they are told about rendering.
+        // Enlarged within the PNG, since some viewers smooth images despite the rendering hint.
         let enlarge = 256_usize.div_ceil(patch.size().max(1));
         let rgb = difference::magnified(patch, largest, enlarge);
         let place = [frame.left, frame.top, frame.width(), frame.height()];

@@ -1,4 +1,4 @@
-//! Where metres of the floor plan fall on the page.
+//! Mapping from metres of the floor plan to the page.
 
 use doorcam_core::geometry::Point;
 
@@ -29,7 +29,7 @@ impl Frame {
         self.top + self.height()
     }
 
-    /// The place of a point of the floor plan on the page.
+    /// The position of a floor plan point on the page.
     pub(super) fn place(&self, [x, y]: Point) -> Point {
         [self.left + (x - self.x[0]) * self.scale, self.top + (self.y[1] - y) * self.scale]
     }
@@ -40,7 +40,7 @@ impl Frame {
     }
 }
 
-/// A length in metres, or the other one where it is none that a floor plan could have.
+/// `value` if it is a length in metres that a floor plan can have, otherwise `otherwise`.
 pub(super) fn length_or(value: f64, otherwise: f64) -> f64 {
     if (1e-4..=1e4).contains(&value) { value } else { otherwise }
 }

@@ -1,4 +1,4 @@
-//! What the colours and signs of a figure mean: brightness scales and the key.
+//! Brightness scales and the key of a figure.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -14,7 +14,8 @@ pub(super) const SCALE_WIDTH: f64 = 80.0;
 const BAR: f64 = 11.0;
 const TEXT: f64 = 10.0;
 
-/// A picture of RGB bytes inside the SVG, stretched over a rectangle without smoothing; none if it is empty.
+/// Embeds RGB bytes as an image in the SVG, stretched over a rectangle without smoothing; none if they do not form an
+/// image.
 pub(super) fn embed(rgb: &[u8], size: [usize; 2], [x, y, width, height]: [f64; 4]) -> Option<Image> {
     let [columns, rows] = size.map(|s| u32::try_from(s).unwrap_or(0));
     let png = raster::encode(rgb, columns, rows).ok()?;
@@ -29,8 +30,8 @@ pub(super) fn embed(rgb: &[u8], size: [usize; 2], [x, y, width, height]: [f64; 4
     Some(image)
 }
 
-/// A vertical brightness scale from the first value of `range` (bottom) to the second. `level` gives the byte at a height
-/// from 0 (bottom) to 1.
+/// A vertical brightness scale from `range[0]` at the bottom to `range[1]` at the top. `level` gives the grey value at
+/// a height from 0 (bottom) to 1 (top).
 pub(super) fn scale([x, y, height]: [f64; 3], level: impl Fn(f64) -> u8, range: [f64; 2], label: &str) -> Group {
     const STEPS: usize = 128;
     let rgb: Vec<u8> = (0..STEPS).rev().flat_map(|k| [level((k as f64 + 0.5) / STEPS as f64); 3]).collect();
@@ -66,7 +67,7 @@ pub(super) fn scale([x, y, height]: [f64; 3], level: impl Fn(f64) -> u8, range: 
         )
 }
 
-/// A power of ten to take out of values that would need long tick labels, and how to say so.
+/// A power of ten to factor out of values that would need long tick labels, and the text that states it.
 fn power_of_ten(largest: f64) -> (f64, String) {
     let exponent = largest.log10().floor();
     if (-3.0..4.0).contains(&exponent) {
@@ -80,7 +81,7 @@ fn power_of_ten(largest: f64) -> (f64, String) {
 pub(super) const KEY_HEIGHT: f64 = 5.0 * ROW;
 const ROW: f64 = 21.0;
 
-/// The key to the signs of the panels.
+/// The key of the panels.
 pub(super) fn key(x: f64, y: f64) -> Group {
     let chip = |row: usize, fill: &str| {
         Rectangle::new()

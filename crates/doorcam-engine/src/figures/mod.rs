@@ -1,7 +1,7 @@
-//! The pictures a researcher would print: the reconstruction as a figure (SVG), its PNG, and the colour-magnified
-//! difference (paper: figures 7 to 10, 13, 14).
+//! The figures for print: the reconstruction as SVG and PNG, and the colour-magnified difference (paper: figures 7 to
+//! 10, 13, 14).
 //!
-//! Same input, same bytes. A value that is not finite is drawn as no change and never reaches the SVG.
+//! The same input gives the same bytes. A value that is not finite is drawn as no change and never reaches the SVG.
 
 mod axes;
 mod bound;
@@ -9,6 +9,7 @@ mod colour;
 mod curves;
 mod difference;
 mod evaluation;
+mod evaluation_picture;
 mod figure;
 mod frame;
 mod legend;
@@ -24,7 +25,8 @@ mod tests;
 pub use bound::{BoundPanel, BoundPicture, Region, bound_svg};
 pub use curves::{Curve, CurvesPanel, CurvesPicture, curves_svg};
 pub use difference::{difference_png, patches_png};
-pub use evaluation::{EvaluationPicture, evaluation_svg};
+pub use evaluation::evaluation_svg;
+pub use evaluation_picture::EvaluationPicture;
 pub use figure::{ReconstructionPicture, reconstruction_svg};
 pub use raster::png;
 
@@ -39,13 +41,13 @@ pub enum RenderError {
         "a picture of {width} x {height} pixels cannot be made: expected 1 to {max_side} pixels a side and at most {max_pixels} in all"
     )]
     Size {
-        /// Width asked for, in pixels.
+        /// Wanted width, in pixels.
         width: u64,
-        /// The height that follows from it.
+        /// Height that follows from it, in pixels.
         height: u64,
-        /// Largest width and height.
+        /// Maximum width and height.
         max_side: u64,
-        /// Largest product of both.
+        /// Maximum product of both.
         max_pixels: u64,
     },
     /// The PNG could not be written.

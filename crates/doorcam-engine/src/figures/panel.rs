@@ -17,16 +17,16 @@ pub(super) const FLOOR: &str = "#26262c";
 pub(super) const WALL: &str = "#8c8c92";
 pub(super) const EDGE: &str = "#ffd21f";
 pub(super) const PATCH: &str = "#f4f4f4";
-/// The same two at the edge whose view a panel does not show.
+/// The same for the edge whose view a panel does not show.
 const OTHER_EDGE: &str = "#6b5c2a";
 const OTHER_PATCH: &str = "#6e6e74";
-/// Facets that did not change: just enough to show the grid.
+/// Facets without change: just visible, to show the grid.
 pub(super) const UNLIT: &str = "#44444e";
-/// Light outline of lit facets (paper, figure 9), so that dark colours show too.
+/// Light outline of lit facets (paper, figure 9), so that dark colours show as well.
 pub(super) const OUTLINE: &str = "#dcdcdc";
 pub(super) const OUTLINE_WIDTH: f64 = 0.7;
 
-/// A wall without thickness is still drawn so thick, in page units.
+/// Minimum drawn thickness of a wall, in page units.
 const THIN_WALL: f64 = 2.0;
 
 /// What all panels of a figure share.
@@ -36,13 +36,14 @@ pub(super) struct Plan<'a> {
     pub(super) facets: &'a [Facet],
     /// Drawn thickness of each facet, in page units.
     pub(super) thickness: Vec<f64>,
-    /// Reference to the clip path of a panel whose frame stands at the origin.
+    /// Reference to the clip path of a panel at the origin.
     pub(super) clip: String,
-    /// Wall, floor and grid, by reference.
+    /// Reference to the shared wall, floor and grid.
     pub(super) backdrop: String,
 }
 
-/// Thickness for each facet, in page units: half the way to its nearest neighbour, so that rings stay apart.
+/// Drawn thickness of each facet, in page units: about half the distance to its nearest neighbour, so that rings stay
+/// apart.
 pub(super) fn thicknesses(facets: &[Facet], scale: f64) -> Vec<f64> {
     let middles: Vec<_> = facets.iter().map(Facet::midpoint).collect();
     let nearest = |n: usize| {
@@ -53,7 +54,7 @@ pub(super) fn thicknesses(facets: &[Facet], scale: f64) -> Vec<f64> {
     (0..facets.len()).map(|n| (0.55 * nearest(n) * scale).clamp(2.0, 7.0)).collect()
 }
 
-/// Everything in a panel that does not depend on the scene.
+/// The parts of a panel that do not depend on the scene.
 pub(super) fn backdrop(frame: &Frame, doorway: &Doorway, facets: &[Facet]) -> Group {
     let rectangle = |x: [f64; 2], top: f64, height: f64, fill: &str| {
         let [left, right] = x.map(|x| frame.place([x, 0.0])[0]);
@@ -80,7 +81,7 @@ pub(super) fn backdrop(frame: &Frame, doorway: &Doorway, facets: &[Facet]) -> Gr
         .add(Path::new().set("d", grid).set("stroke", UNLIT).set("stroke-width", 0.7).set("fill", "none"))
 }
 
-/// Draws one view, the facets' changes in order, with its axes. `looking`: the edges whose view it is.
+/// Draws one view (one change per facet, in order) with its axes. `looking`: the edges whose view it is.
 pub(super) fn panel(plan: &Plan, frame: &Frame, exposure: &Exposure, view: &[Rgb], looking: &[Side]) -> Group {
     let local = frame.at(0.0, 0.0);
     let mut content = Group::new()
@@ -125,7 +126,7 @@ fn patch_and_edge(frame: &Frame, plan: &Plan, side: Side, [outline, dot]: [&str;
     Group::new().add(square).add(dot)
 }
 
-/// The ends of a facet on the page; none if they are not numbers that an SVG can hold.
+/// The ends of a facet on the page; none if an SVG cannot hold them.
 fn segment(frame: &Frame, facet: &Facet) -> Option<[[f64; 2]; 2]> {
     let ends = [facet.from, facet.to].map(|end| frame.place(end));
     ends.iter().flatten().all(|v| v.abs() < 1e6).then_some(ends)

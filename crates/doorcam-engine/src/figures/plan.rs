@@ -1,33 +1,33 @@
-//! The floor plan of an evaluation: walls, a grid of metres, true and estimated paths.
+//! The floor plan of an evaluation: walls, a grid, true and estimated paths.
 
 pub(super) mod key;
 
 use svg::node::element::{Circle, Ellipse, Group, Path, Rectangle};
 
-use super::evaluation::EvaluationPicture;
+use super::evaluation_picture::EvaluationPicture;
 use super::frame::Frame;
 use super::text::{Anchor, line, unit};
 use crate::evaluation::{EstimatedPoint, PersonPath, TrackPath, TruePoint};
 use doorcam_core::geometry::{Doorway, Point, Side};
 
 pub(super) const TRUTH: &str = "#1a1a1a";
-/// Who was missed, and what is nobody.
+/// Colour of missed people and of reports of nobody.
 pub(super) const WRONG: &str = "#d1330f";
 const WALL: &str = "#8c8c92";
 const GRID: &str = "#e4e4e8";
 const EDGE: &str = "#1a1a1a";
-/// A wall without thickness is still drawn so thick, in page units.
+/// Minimum drawn thickness of a wall, in page units.
 const THIN_WALL: f64 = 2.5;
-/// Colours that also those tell apart who see no red or green (Okabe and Ito), without the ones too pale for white or too
-/// near to that of errors.
+/// Colours that people with red-green blindness can tell apart (Okabe and Ito), without those that are too pale on
+/// white or too close to that of errors.
 const PALETTE: [&str; 5] = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9"];
-/// √5.991: standard deviations to the edge of a 95 % ellipse, of χ² with 2 degrees of freedom.
+/// √5.991: semi-axes of the 95 % ellipse in standard deviations (χ² with 2 degrees of freedom).
 const SIGMAS_95: f64 = 2.4476;
 
-/// A track's name and colour.
+/// A track's id and colour.
 pub(super) type Shade = (Option<u64>, &'static str);
 
-/// Each track's colour, in the order of their coming.
+/// Each track's colour, in order of first appearance.
 pub(super) fn shades(tracks: &[TrackPath]) -> Vec<Shade> {
     tracks.iter().map(|track| track.id).zip(PALETTE.into_iter().cycle()).collect()
 }
@@ -74,7 +74,7 @@ pub(super) fn floor(frame: &Frame, doorway: &Doorway) -> Group {
     group
 }
 
-/// Ellipses below paths below marks.
+/// Ellipses, below paths, below marks.
 pub(super) fn people_and_tracks(frame: &Frame, picture: &EvaluationPicture, shades: &[Shade], step: f64) -> Group {
     let mut ellipses = Group::new().set("class", "ellipses").set("stroke-width", 0.8).set("fill-opacity", 0.1);
     let mut tracks = Group::new().set("class", "tracks");
@@ -96,7 +96,7 @@ pub(super) fn people_and_tracks(frame: &Frame, picture: &EvaluationPicture, shad
     Group::new().add(ellipses).add(people).add(tracks).add(strays(frame, picture.tracks)).add(marks)
 }
 
-/// The points nearest after each whole multiple of `step` seconds.
+/// The first point after each whole multiple of `step` seconds.
 fn at_ticks<T>(points: &[T], seconds: impl Fn(&T) -> f64, step: f64) -> impl Iterator<Item = &T> {
     let mut last = None;
     points.iter().filter(move |point| {
@@ -116,7 +116,7 @@ fn walked(frame: &Frame, person: &PersonPath, step: f64) -> Group {
         let (before, after) = (places[k.saturating_sub(1)], places[(k + 1).min(places.len() - 1)]);
         let [dx, dy] = [after[0] - before[0], after[1] - before[1]];
         let length = dx.hypot(dy);
-        // Across the path; who stands still has a tick too.
+        // Across the path. Somebody who stands still gets a tick as well.
         let [nx, ny] = if length > 0.0 { [3.5 * dy / length, 3.5 * dx / length] } else { [0.0, 3.5] };
         let [x, y] = frame.place(point.position);
         ticks += &format!("M{} {}L{} {}", unit(x - nx), unit(y - ny), unit(x + nx), unit(y + ny));
@@ -128,7 +128,7 @@ fn walked(frame: &Frame, person: &PersonPath, step: f64) -> Group {
     Group::new().add(stroke(polyline(frame, places.iter().copied()), 1.2)).add(stroke(ticks, 1.0)).add(missed)
 }
 
-/// Where somebody is missed.
+/// Marks where somebody is missed.
 pub(super) fn ring([x, y]: Point) -> Circle {
     Circle::new()
         .set("cx", unit(x))
@@ -144,13 +144,13 @@ fn start(frame: &Frame, person: &PersonPath) -> Group {
     let [x, y] = frame.place(first.position);
     let mut mark = Group::new();
     if first.found.is_none() && !first.settling {
-        // The disc would hide the ring of who is missed here: a larger one around it.
+        // The disc would hide the ring of somebody who is missed here, so draw a larger one around it.
         mark = mark.add(ring([x, y]).set("r", 10));
     }
     mark.add(name_mark([x, y], &person.id.to_string()))
 }
 
-/// Where a true path starts, with the person's name in it.
+/// Marks the start of a true path with the person's id.
 pub(super) fn name_mark([x, y]: Point, name: &str) -> Group {
     let disc = Circle::new().set("cx", unit(x)).set("cy", unit(y)).set("r", 7.5).set("fill", TRUTH);
     let name = line(x, y + 3.4, 9.5, Anchor::Middle, name).set("fill", "#fff").set("font-weight", "bold");
@@ -177,7 +177,7 @@ fn strays(frame: &Frame, tracks: &[TrackPath]) -> Path {
     cross(points.map(|point| frame.place(point.position)))
 }
 
-/// What is reported and is nobody.
+/// Marks reports of nobody.
 pub(super) fn cross(places: impl Iterator<Item = Point>) -> Path {
     let d = places.fold(String::new(), |mut d, [x, y]| {
         d += &format!("M{} {}l6 6m0 -6l-6 6", unit(x - 3.0), unit(y - 3.0));
@@ -186,7 +186,7 @@ pub(super) fn cross(places: impl Iterator<Item = Point>) -> Path {
     Path::new().set("class", "strays").set("d", d).set("stroke", WRONG).set("stroke-width", 1.4).set("fill", "none")
 }
 
-/// The 95 % ellipse; none if the covariance has none.
+/// The 95 % ellipse; none if the covariance does not define one.
 fn ellipse(frame: &Frame, point: &EstimatedPoint) -> Option<Ellipse> {
     let [[xx, xy], [_, yy]] = point.covariance;
     let (mean, spread) = ((xx + yy) / 2.0, ((xx - yy) / 2.0).hypot(xy));
@@ -195,7 +195,7 @@ fn ellipse(frame: &Frame, point: &EstimatedPoint) -> Option<Ellipse> {
         return None;
     }
     let [x, y] = frame.place(point.position).map(unit);
-    // On the page y points down, and so angles turn the other way.
+    // On the page y points down, so angles turn the other way.
     let degrees = -(0.5 * (2.0 * xy).atan2(xx - yy)).to_degrees();
     let ellipse = Ellipse::new().set("cx", x).set("cy", y).set("rx", unit(axes[0])).set("ry", unit(axes[1]));
     Some(ellipse.set("transform", format!("rotate({} {x} {y})", unit(degrees))))

@@ -1,18 +1,18 @@
-//! Words and numbers as they go into the SVG.
+//! Text and numbers in the SVG.
 
 use svg::node::Blob;
 use svg::node::element::Text;
 
-/// The family every text is set in; the rasteriser carries it.
+/// Font family of all text; the rasteriser brings it along.
 pub(super) const FONT: &str = "DejaVu Sans, sans-serif";
 
-/// A coordinate for the SVG: hundredths of a unit, and never the NaN or infinity that would break the file.
+/// Rounds a coordinate to hundredths of a unit. NaN or infinity, which would break the SVG, become 0.
 pub(super) fn unit(value: f64) -> f64 {
-    // Adding zero turns -0 into 0, which would print as "-0".
+    // Adding zero turns -0, which would print as "-0", into 0.
     if value.is_finite() { (value * 100.0).round() / 100.0 + 0.0 } else { 0.0 }
 }
 
-/// Where a text stands relative to its position.
+/// Alignment of a text relative to its position.
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
     Start,
@@ -20,7 +20,7 @@ pub(super) enum Anchor {
     End,
 }
 
-/// One line of text of the given size at a position of the page.
+/// One line of text of the given size at a position on the page.
 pub(super) fn line(x: f64, y: f64, size: f64, anchor: Anchor, content: &str) -> Text {
     let anchor = match anchor {
         Anchor::Start => "start",
@@ -30,11 +30,11 @@ pub(super) fn line(x: f64, y: f64, size: f64, anchor: Anchor, content: &str) -> 
     Text::new(printable(content)).set("x", unit(x)).set("y", unit(y)).set("font-size", size).set("text-anchor", anchor)
 }
 
-/// A [`line`] with a symbol of the paper in it, bold with a subscript: before **v**_L after.
+/// Like [`line`], with a symbol of the paper, bold with a subscript: before **v**_L after.
 pub(super) fn line_with_symbol(place: [f64; 3], [before, bold, subscript, after]: [&'static str; 4]) -> Text {
     let [x, y, size] = place;
-    // One piece of ready XML: elements of their own would be written on lines of their own, and a line break shows as a
-    // space. The shift back is an element too, as dy moves the pen for all that follows.
+    // One piece of raw XML: the writer would put separate elements on separate lines, and a line break shows as a
+    // space. The shift back needs an element too, since dy moves all text that follows.
     let runs = format!(
         r#"{before}<tspan font-weight="bold">{bold}</tspan><tspan font-size="{}" dy="2.5">{subscript}</tspan><tspan dy="-2.5">{after}</tspan>"#,
         0.72 * size,
@@ -42,7 +42,7 @@ pub(super) fn line_with_symbol(place: [f64; 3], [before, bold, subscript, after]
     line(x, y, size, Anchor::Start, "").add(Blob::new(runs))
 }
 
-/// Text without the characters that XML forbids, whatever a caption was made from.
+/// Replaces white space by blanks and removes the characters that XML forbids.
 pub(super) fn printable(text: &str) -> String {
     text.chars()
         .map(|c| if c.is_whitespace() { ' ' } else { c })
@@ -50,16 +50,16 @@ pub(super) fn printable(text: &str) -> String {
         .collect()
 }
 
-/// Breaks text into lines of about `width` units; a word longer than that is cut.
+/// Breaks text into lines of about `width` page units; a longer word is cut.
 pub(super) fn wrap(text: &str, width: f64, size: f64) -> Vec<String> {
-    // DejaVu Sans prose averages 0.56 em a character; a little more keeps long lines inside the page.
-    let room = ((width / (0.58 * size)) as usize).max(8);
+    // DejaVu Sans prose averages 0.56 em per character; a little more keeps long lines inside the page.
+    let per_line = ((width / (0.58 * size)) as usize).max(8);
     let mut lines = vec![String::new()];
     let mut length = 0;
     for word in printable(text).split(' ').filter(|w| !w.is_empty()) {
-        for (k, piece) in word.chars().collect::<Vec<_>>().chunks(room).enumerate() {
+        for (k, piece) in word.chars().collect::<Vec<_>>().chunks(per_line).enumerate() {
             let gap = usize::from(length > 0 && k == 0);
-            if length + gap + piece.len() > room {
+            if length + gap + piece.len() > per_line {
                 lines.push(String::new());
                 length = 0;
             } else if gap == 1 {
@@ -73,7 +73,7 @@ pub(super) fn wrap(text: &str, width: f64, size: f64) -> Vec<String> {
     lines
 }
 
-/// A number with so many decimals and a true minus sign.
+/// A number with this many decimals and a true minus sign.
 pub(super) fn decimal(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {

@@ -1,4 +1,4 @@
-//! Errors over time: a row for each true path, all with the same axes.
+//! Errors over time: one row per true path, all with the same axes.
 
 use svg::node::element::{Group, Path, Rectangle};
 
@@ -7,27 +7,27 @@ use super::plan::{Shade, WRONG, shade_of};
 use super::text::{Anchor, decimal, line, unit};
 use crate::evaluation::{PersonPath, TruePoint};
 
-/// How far the reported ellipse reaches.
+/// Colour of the reach of the reported ellipse.
 pub(super) const REACH: &str = "#dcdce2";
-/// While somebody settles.
+/// Colour of the time in which somebody settles.
 pub(super) const SETTLING: &str = "#f6ecd2";
-/// Rows at most; what comes after is in the table only.
+/// Maximum number of rows; further paths are only in the table.
 const MOST: usize = 8;
 const LEAST_HEIGHT: f64 = 46.0;
 const MOST_HEIGHT: f64 = 190.0;
 const GAP: f64 = 10.0;
 const TEXT: f64 = 10.0;
-/// Space below the last row, for its ticks and label.
+/// Space below the last row for its ticks and label.
 const BELOW: f64 = 34.0;
 
-/// One row's place on the page and its ranges.
+/// Position and ranges of one row.
 struct Row {
     left: f64,
     top: f64,
     size: [f64; 2],
-    /// Seconds from left to right.
+    /// Time range from left to right, in seconds.
     seconds: [f64; 2],
-    /// Metres at the top; 0 at the bottom.
+    /// Value at the top, in metres; the bottom is 0.
     metres: f64,
 }
 
@@ -46,7 +46,7 @@ impl Row {
     }
 }
 
-/// The rows in a place of the page (left, top, width, height), and where they end.
+/// Draws the rows at a place of the page (left, top, width, height); returns them and the y at which they end.
 pub(super) fn rows(people: &[PersonPath], shades: &[Shade], [left, top, width, height]: [f64; 4]) -> (Group, f64) {
     let shown = &people[..people.len().min(MOST)];
     let points = || shown.iter().flat_map(|person| &person.points);
@@ -56,7 +56,7 @@ pub(super) fn rows(people: &[PersonPath], shades: &[Shade], [left, top, width, h
         let group = Group::new().add(line(left, top + 20.0, 12.0, Anchor::Start, "nobody there"));
         return (group, top + 30.0);
     }
-    // A single frame is a point in the middle of a second.
+    // A single frame is a point in the middle of one second.
     let seconds = if last - first > 1e-3 { [first, last] } else { [first - 0.5, first + 0.5] };
     let largest = points().filter_map(|p| p.found).map(|f| f.error_m).fold(0.0, f64::max);
     let metres = (1.15 * largest).clamp(0.2, 0.6);
@@ -72,7 +72,7 @@ pub(super) fn rows(people: &[PersonPath], shades: &[Shade], [left, top, width, h
     let mut end = row.top - GAP + BELOW;
     if people.len() > MOST {
         end += 14.0;
-        let more = format!("and {} paths more", people.len() - MOST);
+        let more = format!("and {} more paths", people.len() - MOST);
         group = group.add(line(left, end, TEXT, Anchor::Start, &more));
     }
     (group, end)
@@ -90,7 +90,7 @@ fn errors(row: &Row, person: &PersonPath, shades: &[Shade]) -> Group {
     }
     let mut reach = Group::new().set("class", "reach").set("fill", REACH);
     let mut lines = Group::new().set("class", "error").set("fill", "none").set("stroke-width", 1.3);
-    // Stretches that are found as one track without a gap.
+    // Stretches in which the person is found as one track, without a gap.
     for stretch in person.points.chunk_by(|a, b| name(a).is_some() && name(a) == name(b)) {
         let Some(track) = name(&stretch[0]) else { continue };
         let found = || stretch.iter().filter_map(|p| Some((row.x(p.seconds), p.found?)));
@@ -106,7 +106,7 @@ fn errors(row: &Row, person: &PersonPath, shades: &[Shade]) -> Group {
             above += &format!("L{} {base}L{} {base}Z", unit(row.x(last.seconds)), unit(row.x(first.seconds)));
             reach = reach.add(Path::new().set("d", above));
         } else {
-            // A single point has no line: a short one across its reach.
+            // A single point makes no line: draw a short one across it.
             d += "m-3 0h6";
         }
         lines = lines.add(Path::new().set("d", d).set("stroke", shade_of(shades, track)));
@@ -159,7 +159,7 @@ fn axes(row: &Row, name: &str, last: bool) -> Group {
     if last {
         group = group.add(line(row.left + width / 2.0, row.bottom() + 29.0, TEXT + 1.0, Anchor::Middle, "time [s]"));
     }
-    // On whatever is drawn below it.
+    // With a white outline, to be legible on whatever is drawn below.
     let name = line(row.left + width - 6.0, row.top + 14.0, TEXT, Anchor::End, name)
         .set("stroke", "#fff")
         .set("stroke-width", 3)

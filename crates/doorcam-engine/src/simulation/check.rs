@@ -1,10 +1,10 @@
-//! What a scenario's numbers must be. Each message names the key and what was expected.
+//! Checks of a scenario's values. Each message names the key and what was expected.
 
 use super::scenario::{CameraSpec, FlickerSpec, PersonSpec, Scenario};
 use doorcam_core::scene::Rgb;
 use doorcam_source::recording::Layout;
 
-/// Longest side of a picture in pixels, and longest scenario in frames: what a mistyped number goes beyond.
+/// Longest side of a picture in pixels, and longest scenario in frames: limits that only mistyped numbers exceed.
 const MOST_PIXELS: usize = 4096;
 const MOST_FRAMES: f64 = 1e7;
 

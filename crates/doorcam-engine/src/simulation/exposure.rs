@@ -11,28 +11,28 @@ use doorcam_core::optics::Transfer;
 
 /// Entries of the table from light to codes: fine enough for the steepest part of sRGB.
 const TABLE: usize = 1 << 14;
-/// Rows of pixels with a stream of noise of their own.
+/// Number of pixel rows that share a noise stream.
 const BAND: usize = 16;
 
-/// What a frame's light becomes: shutter, noise, transfer curve.
+/// Turns a frame's light into codes: shutter, noise, transfer function.
 #[derive(Debug, Clone)]
 pub(super) struct Exposure {
-    /// From light, full scale 1, to codes of 8 bits.
+    /// From light, with full scale 1, to 8-bit codes.
     table: Vec<u8>,
     full_scale_electrons: f64,
     read_electrons: f64,
     flicker: Option<FlickerSpec>,
 }
 
-/// What is different in each frame.
+/// What varies from frame to frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shot {
     pub(super) seed: u64,
     pub(super) number: u64,
     pub(super) seconds: f64,
-    /// From light in the scene's units to full scale 1.
+    /// Factor from the scene's light to full scale 1.
     pub(super) gain: f64,
-    /// Light of the visible side, where all of it arrives.
+    /// The visible side's light where it is not blocked.
     pub(super) visible: [f64; 3],
 }
 
@@ -46,7 +46,7 @@ impl Exposure {
         }
     }
 
-    /// Codes of 8 bits.
+    /// 8-bit codes.
     pub(super) fn eight_bits(&self, view: &View, light: &[[f32; 3]], shot: &Shot) -> Vec<u8> {
         self.develop(view, light, shot, |value| {
             // The conversion saturates at both ends, as a sensor does.
@@ -54,7 +54,7 @@ impl Exposure {
         })
     }
 
-    /// Linear codes of 16 bits.
+    /// Linear 16-bit codes.
     pub(super) fn sixteen_bits(&self, view: &View, light: &[[f32; 3]], shot: &Shot) -> Vec<u16> {
         self.develop(view, light, shot, |value| (value * 65535.0).round() as u16)
     }
@@ -87,7 +87,7 @@ impl Exposure {
         codes
     }
 
-    /// The noise of some rows of one frame. Each has a stream of its own, so that frames can be made in any order.
+    /// The noise of one band of rows of a frame. Each band has its own stream, so that frames can be made in any order.
     fn noise(&self, shot: &Shot, band: usize) -> Noise {
         let mut generator = ChaCha8Rng::seed_from_u64(shot.seed);
         generator.set_stream((shot.number << 8) | band as u64);
@@ -98,7 +98,7 @@ impl Exposure {
         }
     }
 
-    /// Factors of the hidden and the visible light in a row: the mean of 1 + d sin(2π 2f t) over its exposure.
+    /// Factors on the hidden and the visible light in a row: the mean of 1 + d sin(2π 2f t) over its exposure.
     fn flicker(&self, shot: &Shot, row: usize) -> [f64; 2] {
         let Some(flicker) = &self.flicker else { return [1.0; 2] };
         let turn = TAU * 2.0 * flicker.mains_hz;
@@ -110,9 +110,9 @@ impl Exposure {
     }
 }
 
-/// Photon and read noise of pixels, one after the other.
+/// Photon and read noise for successive pixels.
 ///
-/// With n electrons the variance is n + read²: at these hundreds of electrons Poisson's law is nearly a normal one.
+/// With n electrons the variance is n + read². With hundreds of electrons Poisson's distribution is nearly normal.
 struct Noise {
     generator: ChaCha8Rng,
     photon: f32,
@@ -126,7 +126,7 @@ impl Noise {
     }
 }
 
-/// The nearest code of each light.
+/// The nearest code for each light level.
 fn code_table(transfer: &Transfer) -> Vec<u8> {
     let mut code = 0_u8;
     (0..TABLE)
@@ -147,7 +147,7 @@ mod tests {
     use super::super::view::Pixel;
     use super::*;
 
-    /// A grey floor in the visible side's light alone.
+    /// A grey floor, lit by the visible side only.
     fn grey(size: usize) -> View {
         let pixel = Pixel { taps: [Tap::default(); 2], floor: [0.5; 3], flat: [0.0; 3], visible: 1.0 };
         View { pixels: vec![pixel; size * size], width: size }
@@ -184,7 +184,7 @@ mod tests {
             let table = code_table(&transfer);
             for code in 1..=254_u8 {
                 let light = transfer.light(f64::from(code) / 255.0);
-                // The table's own steps are coarser than a gamma curve's in the dark.
+                // In the dark, the table's steps are coarser than those of a gamma curve.
                 if light > 1e-3 {
                     assert_eq!(table[(light * (TABLE - 1) as f64).round() as usize], code, "{transfer:?}");
                 }
@@ -192,7 +192,7 @@ mod tests {
         }
     }
 
-    /// Against the literal mean over the shutter's time.
+    /// Compared with the literal mean over the exposure time.
     #[test]
     fn rows_flicker_by_the_mean_of_the_mains_over_their_exposure() {
         let camera = Scenario::parse(SMALLEST).unwrap().camera;

@@ -5,19 +5,19 @@ use super::room::Vector;
 use doorcam_core::geometry::Point;
 use doorcam_core::scene::Rgb;
 
-/// Radius of a head and its height, in metres.
+/// Radius and height of a head, in metres.
 const HEAD_RADIUS_M: f64 = 0.09;
 const HEAD_HEIGHT_M: f64 = 0.25;
-/// Places around and up a person for which light is worked out; in between it is interpolated.
+/// Numbers of places around and up a person for which light is calculated; it is interpolated between them.
 const AROUND: usize = 24;
 const UP: usize = 8;
 
-/// A vertical cylinder that stands on the floor: a body, or a head down to the feet, of which the body hides the rest.
+/// A vertical cylinder on the floor: the body, or the head extended down to the floor, most of which the body hides.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Part {
     pub(super) centre: Point,
     pub(super) radius: f64,
-    /// Height of its top above the floor.
+    /// Height of its top above the floor, in metres.
     pub(super) top: f64,
 }
 
@@ -26,9 +26,9 @@ pub(super) struct Part {
 pub(super) struct Figure {
     /// Body and head.
     pub(super) parts: [Part; 2],
-    /// Albedo of each.
+    /// Their albedo.
     albedo: [Rgb; 2],
-    /// Radiance of each part at `AROUND` x `UP` places, up first.
+    /// Radiance of each part at `AROUND` x `UP` places, heights first.
     radiance: [Vec<Rgb>; 2],
 }
 
@@ -39,7 +39,8 @@ impl Figure {
         Self { parts: [body, head], albedo: [clothes, skin], radiance: [Vec::new(), Vec::new()] }
     }
 
-    /// Lights it: lamps (each at its level, with the others' shadows) and `ambient` irradiance from everywhere.
+    /// Lights the person: `lamps` at their `levels`, with the shadows of `others`, and `ambient` irradiance from
+    /// everywhere.
     pub(super) fn light(&mut self, lamps: &[Lamp], levels: &[f64], ambient: Rgb, others: &[Part]) {
         for (k, part) in self.parts.iter().enumerate() {
             let albedo = self.albedo[k];
@@ -64,7 +65,7 @@ impl Figure {
         }
     }
 
-    /// What is seen of a part along a vertical line of its surface, `normal` (unit) being the direction to it from the axis.
+    /// The visible vertical line of a part's surface where `normal`, a unit vector, points away from the axis.
     pub(super) fn column(&self, part: usize, normal: Point) -> Column<'_> {
         let turn = normal[1].atan2(normal[0]).rem_euclid(TAU) / TAU * AROUND as f64;
         let line = |i: usize| &self.radiance[part][i % AROUND * UP..][..UP];
@@ -73,7 +74,7 @@ impl Figure {
     }
 }
 
-/// Radiance along a vertical line, between two that are known.
+/// Radiance along a vertical line, interpolated between two known ones.
 pub(super) struct Column<'a> {
     lines: [&'a [Rgb]; 2],
     beside: f64,
@@ -93,7 +94,7 @@ impl Column<'_> {
 }
 
 impl Part {
-    /// How far along a horizontal ray its face is; none if the ray passes it.
+    /// Distance along a horizontal ray to its front; none if the ray misses it.
     pub(super) fn meet(&self, from: Point, ray: Point) -> Option<f64> {
         let centre = [self.centre[0] - from[0], self.centre[1] - from[1]];
         let beside = ray[0] * centre[1] - ray[1] * centre[0];
@@ -102,7 +103,7 @@ impl Part {
         (chord2 > 0.0 && distance > 0.0).then_some(distance)
     }
 
-    /// The azimuths (0 into the room, positive to the right) of its two sides; none from within it.
+    /// The azimuths of its two sides (0 into the room, positive to the right); none from inside it.
     pub(super) fn outline(&self, from: Point) -> Option<[f64; 2]> {
         let centre = [self.centre[0] - from[0], self.centre[1] - from[1]];
         let range = centre[0].hypot(centre[1]);

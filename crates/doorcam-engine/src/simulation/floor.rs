@@ -1,43 +1,45 @@
-//! The floor points at which light is worked out, and what lies between them.
+//! The floor points at which light is calculated, and interpolation between them.
 //!
-//! The light that passes one edge is a fan about the edge's foot: crisp in the angle, smooth along each ray from the foot. So the
-//! light that comes through the opening is divided by a smooth weight into a part on the side of the left edge and one on the side of
-//! the right edge, and each part is sampled on a polar grid about the foot that cuts it. In a thick wall the foot that cuts is the visible
-//! face's for who stands beside the opening on that edge's side, the hidden face's for everybody else; hence three zones.
+//! The light that passes an edge forms a fan about the edge's foot: crisp in angle, smooth along each ray from the
+//! foot. So the light through the opening is split by a smooth weight into a part for the left edge and one for the
+//! right edge, and each part is sampled on a polar grid about the foot that cuts it. In a thick wall this foot is the
+//! visible face's for floor points beside the opening on that edge's side, and the hidden face's for all others; hence
+//! three zones.
 
 use std::f64::consts::FRAC_PI_2;
 
 use doorcam_core::geometry::{Doorway, Point, Side};
 
-/// Angles of a fan from the wall to straight away from it.
+/// Angles of a fan, from along the wall to straight away from it.
 const ANGLES: usize = 64;
-/// Distances of a fan from the foot outwards at which light is worked out, and those of one whose foot is on the other side of
-/// the opening.
+/// Number of distances from the foot at which a fan's light is calculated, and that number if the foot is on the other
+/// side of the opening.
 const NEAR_RADII: usize = 16;
 const FAR_RADII: usize = 9;
-/// Light is smooth along a ray from the foot: between two distances cubics give so many more values, and straight lines do for
-/// the rest.
+/// Light is smooth along a ray from the foot: cubics refine each interval of distances by this factor, and linear
+/// interpolation does the rest.
 const FINER: usize = 4;
-/// How far floor is sampled beside and before the opening, in metres.
+/// How far the floor is sampled beside and in front of the opening, in metres.
 const REACH_M: f64 = 0.9;
-/// The floor of the room itself, which the camera may see a little of: how far, and samples along x and y.
+/// Extent in metres, and samples along x and y, of the room's own floor, of which the camera may see a little.
 const INSIDE_M: f64 = 1.0;
 const INSIDE: [usize; 2] = [21, 11];
-/// Whoever is on a face of the wall is this far before it.
+/// Points on a face of the wall are moved this far in front of it, in metres.
 const BEFORE_M: f64 = 1e-6;
 
 /// A floor point, and which part of the light is sampled there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FloorNode {
     pub(super) at: Point,
-    /// Azimuths between which it sees the room: 0 into it, positive to the right. The first may be above the second.
+    /// Range of azimuths in which it sees the room: 0 into it, positive to the right. Empty if the first exceeds the
+    /// second.
     pub(super) azimuths: [f64; 2],
-    /// The two feet that cut the light and the side whose part is meant; none for all of the light.
+    /// The two feet that cut the light, and the side whose part is sampled; none for all of the light.
     seam: Option<([Point; 2], Side)>,
 }
 
 impl FloorNode {
-    /// The weight of light from an azimuth: that of the left and that of the right part add to 1.
+    /// Weight of light from an azimuth; those of the left and the right part add up to 1.
     pub(super) fn weight(&self, ray: Point) -> f64 {
         let Some(([a, b], side)) = self.seam else { return 1.0 };
         let cross = |u: Point, v: Point| u[0] * v[1] - u[1] * v[0];
@@ -57,31 +59,31 @@ impl FloorNode {
 struct Fan {
     start: usize,
     foot: Point,
-    /// Where along x angle 0 points to: 1 or −1.
+    /// Direction of angle 0 along x: 1 or −1.
     across: f64,
-    /// Where its refined values begin.
+    /// Start of its refined values.
     fine_start: usize,
     /// Distances of the nodes.
     coarse: Vec<f64>,
     /// Distances of the refined values.
     fine: Vec<f64>,
-    /// For each of those, the first of four nodes and their weights.
+    /// For each refined value, the first of four nodes and their weights.
     cubics: Vec<(usize, [f32; 4])>,
 }
 
-/// All samples.
+/// All floor samples.
 #[derive(Debug, Clone)]
 pub(super) struct FloorMap {
     doorway: Doorway,
-    /// Left and right part of the zones left of, in front of and right of the opening.
+    /// Left and right part of the zones to the left of, in front of and to the right of the opening.
     fans: [[Fan; 2]; 3],
     inside: usize,
-    /// Where the refined values of the floor of the room begin.
+    /// Start of the values on the room's floor.
     fine_inside: usize,
     pub(super) nodes: Vec<FloorNode>,
 }
 
-/// A place between four samples: `base`, its neighbour, and the two that are `stride` further.
+/// A bilinear interpolation between four samples: `base`, the next one, and the two `stride` further on.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Tap {
     pub(super) base: u32,
@@ -91,7 +93,7 @@ pub(super) struct Tap {
 }
 
 impl Tap {
-    /// The value there, from [`FloorMap::refine`]'s.
+    /// The interpolated value, from the values of [`FloorMap::refine`].
     pub(super) fn of(self, values: &[[f32; 3]]) -> [f32; 3] {
         let (at, next) = (self.base as usize, (self.base + self.stride) as usize);
         let (a, b) = (self.along, self.beside);
@@ -106,7 +108,7 @@ impl FloorMap {
         let visible = [[-half, -thickness], [half, -thickness]];
         let hidden = [[-half, 0.0], [half, 0.0]];
         let depth = thickness + REACH_M;
-        // From the foot, and from the other foot on.
+        // Distances from an edge's own foot, and from the other edge's foot.
         let near = |reach: f64| -> Vec<f64> {
             (0..NEAR_RADII).map(|k| reach * (k as f64 / (NEAR_RADII - 1) as f64).powf(1.6)).collect()
         };
@@ -153,17 +155,17 @@ impl FloorMap {
         Self { nodes, ..map }
     }
 
-    /// How far to each side the floor of the room is sampled.
+    /// How far to each side of x = 0 the room's floor is sampled, in metres.
     fn inside_width(&self) -> f64 {
         self.doorway.half_width() + INSIDE_M
     }
 
-    /// Whether a node is on the floor of the room itself.
+    /// Whether a node is on the room's own floor.
     pub(super) fn is_inside(&self, node: usize) -> bool {
         node >= self.inside
     }
 
-    /// The nodes that the values at some places hang on.
+    /// Which nodes the values at some places depend on.
     pub(super) fn nodes_of(&self, places: impl Iterator<Item = Tap>) -> Vec<bool> {
         let mut values = vec![false; self.fine_inside + INSIDE[0] * INSIDE[1] + 2];
         for Tap { base, stride, .. } in places {
@@ -184,7 +186,7 @@ impl FloorMap {
         nodes
     }
 
-    /// Values for [`Tap::of`] from the nodes': finer along the fans' rays, and two zeros.
+    /// Values for [`Tap::of`] from those at the nodes: refined along the fans' rays, and two zeros at the end.
     pub(super) fn refine(&self, nodes: &[[f64; 3]]) -> Vec<[f32; 3]> {
         let mut values = Vec::with_capacity(self.fine_inside + INSIDE[0] * INSIDE[1] + 2);
         for fan in self.fans.iter().flatten() {
@@ -194,7 +196,7 @@ impl FloorMap {
                     let four = &ray[*first..first + 4];
                     [0, 1, 2].map(|c| {
                         let sum: f32 = four.iter().zip(weights).map(|(node, weight)| node[c] as f32 * weight).sum();
-                        // A cubic may swing below what is dark.
+                        // A cubic may fall below 0.
                         sum.max(0.0)
                     })
                 }));
@@ -205,7 +207,7 @@ impl FloorMap {
         values
     }
 
-    /// The places whose values add up to the light at a point of the floor.
+    /// The two taps whose values add up to the light at a floor point.
     pub(super) fn taps(&self, at: Point) -> [Tap; 2] {
         let half = self.doorway.half_width();
         if at[1] >= 0.0 {
@@ -214,7 +216,7 @@ impl FloorMap {
             let (j, b) = grid(at[1] / INSIDE_M, INSIDE[1]);
             let base = (self.fine_inside + j * INSIDE[0] + i) as u32;
             let tap = Tap { base, stride: INSIDE[0] as u32, along: a as f32, beside: b as f32 };
-            // The second adds nothing: it stands on what comes after the last value.
+            // The second tap adds nothing: it points at the zeros at the end.
             let end = self.fine_inside + INSIDE[0] * INSIDE[1];
             return [tap, Tap { base: end as u32, ..Tap::default() }];
         }
@@ -222,8 +224,8 @@ impl FloorMap {
         [0, 1].map(|k| self.fans[zone][k].tap(at))
     }
 
-    /// The part of the visible side's light that reaches a floor point: all of it before the wall, and behind the visible face
-    /// as much as the angle says in which the opening is seen.
+    /// The part of the visible side's light that reaches a floor point: all of it in front of the wall; behind the
+    /// visible face, the horizontal angle in which the opening is seen, as a share of π.
     pub(super) fn visible_light(&self, [x, y]: Point) -> f64 {
         let behind = y + self.doorway.wall_thickness_m;
         if behind <= 0.0 {
@@ -244,7 +246,7 @@ impl Fan {
             let below = coarse.iter().rposition(|&r| r <= radius).unwrap_or(0);
             let first = below.saturating_sub(1).min(coarse.len() - 4);
             let four = &coarse[first..first + 4];
-            // Lagrange's.
+            // Lagrange interpolation.
             let weight = |k: usize| {
                 let others = (0..4).filter(|&j| j != k);
                 others.map(|j| (radius - four[j]) / (four[k] - four[j])).product::<f64>() as f32
@@ -273,7 +275,7 @@ impl Fan {
     }
 }
 
-/// The sample at or below a place, and how far it is to the next one.
+/// Index of the sample at or below a place, and the fraction of the way to the next.
 fn split(place: f64, count: usize) -> (usize, f64) {
     let place = place.clamp(0.0, (count - 1) as f64);
     let low = (place as usize).min(count - 2);
@@ -295,12 +297,13 @@ mod tests {
     }
 
     proptest! {
-        /// A linear function of the place is found again, up to how far a grid's straight lines are from the circles.
+        /// Interpolation reproduces a linear function of position, except that a grid's straight lines differ from
+        /// circles.
         #[test]
         fn a_place_is_where_its_taps_say(x in -1.0..1.0f64, y in -0.9..0.3f64) {
             prop_assume!(x.abs() < 0.4 || y < -0.12);
             let map = map();
-            // Nothing is below 0 there.
+            // Positive everywhere, since values below 0 are cut off.
             let nodes: Vec<[f64; 3]> = map.nodes.iter().map(|n| [n.at[0] + 5.0, n.at[1] + 5.0, 1.0]).collect();
             let values = map.refine(&nodes);
             let [first, second] = map.taps([x, y]).map(|tap| tap.of(&values));

@@ -5,13 +5,13 @@ use super::room::Vector;
 use super::scenario::{LampKind, LampSpec};
 use doorcam_core::scene::Rgb;
 
-/// A lamp of the hidden room: a small sphere that shines evenly, or a disc below the ceiling that shines downwards by
-/// Lambert's law. Shadows see it as a sphere.
+/// A lamp of the hidden room: a small sphere that shines evenly, or a disc that shines downwards by Lambert's law. For
+/// shadows, both are spheres.
 #[derive(Debug, Clone)]
 pub(super) struct Lamp {
     pub(super) at: Vector,
     pub(super) radius: f64,
-    /// Radiant intensity, straight down for a disc.
+    /// Radiant intensity; for a disc, straight down.
     pub(super) intensity: Rgb,
     kind: LampKind,
 }
@@ -21,10 +21,10 @@ impl Lamp {
         Self { at: spec.at_m, radius: spec.radius_m, intensity: spec.rgb, kind: spec.kind }
     }
 
-    /// Irradiance at a place of a surface with that normal, for an intensity of 1 and with nothing between.
+    /// Unobstructed irradiance of a surface at `place` with that normal, for an intensity of 1.
     pub(super) fn irradiance(&self, place: Vector, normal: Vector) -> f64 {
         let d = [0, 1, 2].map(|k| self.at[k] - place[k]);
-        // Who stands in a lamp does not burn.
+        // Keeps the light finite for a person inside a lamp.
         let d2 = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).max(self.radius * self.radius).max(1e-4);
         let facing = (d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2]).max(0.0) / d2.sqrt();
         let emitted = match self.kind {
@@ -42,10 +42,10 @@ impl Lamp {
         }
     }
 
-    /// The part of the lamp that people hide from a place, 0 to 1. `half` is half of the side of what the place stands for:
-    /// the shadow's border is softened by it.
+    /// The part of the lamp that people hide from a place, 0 to 1. `half` is half the side of the surface element that
+    /// the place stands for, by which the shadow's border is softened.
     pub(super) fn hidden_by<'a>(&self, place: Vector, half: f64, parts: impl Iterator<Item = &'a Part>) -> f64 {
-        // Each takes its share of what the others leave: exact unless two borders cross the lamp at once.
+        // Each part takes its share of what the others leave: exact unless two borders cross the lamp at once.
         1.0 - parts.map(|part| 1.0 - self.hidden_by_part(place, half, part)).product::<f64>()
     }
 
@@ -66,7 +66,7 @@ impl Lamp {
         if across <= 0.0 {
             return 0.0;
         }
-        // Where the middle of what is stopped goes into the cylinder and out of it.
+        // Where the middle of the blocked beam enters and leaves the cylinder.
         let middle = ((beside - part.radius).max(-width) + (beside + part.radius).min(width)) / 2.0 - beside;
         let chord = (part.radius * part.radius - middle * middle).max(0.0).sqrt();
         let height = |at: f64| place[2] + (self.at[2] - place[2]) * (at / range).clamp(0.0, 1.0);
@@ -75,7 +75,7 @@ impl Lamp {
     }
 }
 
-/// The part of a disc of radius 1 with a coordinate below u.
+/// The part of a disc of radius 1 whose coordinate is below u.
 pub(super) fn below(u: f64) -> f64 {
     let u = u.clamp(-1.0, 1.0);
     0.5 + (u * (1.0 - u * u).sqrt() + u.asin()) / PI
@@ -89,7 +89,7 @@ mod tests {
         Lamp { at: [0.3, 1.2, 2.2], radius, intensity: [1.0; 3], kind }
     }
 
-    /// All light of a lamp arrives at the walls of a box around it.
+    /// All of a lamp's light arrives at the walls of a box around it.
     #[test]
     fn the_flux_is_the_irradiance_summed_over_a_box() {
         for kind in [LampKind::Bulb, LampKind::Panel] {
@@ -114,7 +114,7 @@ mod tests {
         }
     }
 
-    /// Against rays to points spread over the sphere, each tested for the cylinder by marching.
+    /// Compared with rays to points spread over the sphere, each marched to test for the cylinder.
     #[test]
     fn a_shadow_equals_the_share_of_rays_that_the_cylinder_stops() {
         let part = Part { centre: [0.0, 1.8], radius: 0.2, top: 1.6 };
@@ -128,7 +128,7 @@ mod tests {
                     continue;
                 }
                 all += 1.0;
-                // Across the direction to the lamp: nearly (1, 0, 0) and (0, 0, 1) turned.
+                // A point of a disc about the lamp: horizontally across the direction to it, and vertically.
                 let d = [0, 1, 2].map(|k| lamp.at[k] - place[k]);
                 let flat = f64::hypot(d[0], d[1]);
                 let end = [

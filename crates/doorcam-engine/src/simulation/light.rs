@@ -11,42 +11,44 @@ use doorcam_core::geometry::{Doorway, Point};
 use doorcam_core::quadrature::Quadrature;
 use doorcam_core::scene::Rgb;
 
-/// Azimuths a radian and elevations a surface of the sums over what does not move.
+/// Azimuths per radian, and elevations per surface, in the sums over what does not move.
 const AZIMUTHS: f64 = 45.0;
 const ELEVATIONS: usize = 14;
-/// Nodes for each interval of azimuth in which a ray meets the same people; elevations of what they hide and show.
+/// Quadrature nodes per interval of azimuth in which rays meet the same people, and elevations per part that they hide
+/// or show.
 const NODES: usize = 4;
 const STEPS: usize = 3;
-/// A lamp seen from the floor is at least this large in radians, the step of a fan's angle: a smaller one would show the steps.
+/// Minimum radius of a lamp seen from the floor, in radians: half the angular step of a fan. A smaller lamp would make
+/// the steps visible.
 const LEAST_LAMP: f64 = 0.012;
 
 /// The light of a hidden room on the floor, with people or without.
 ///
-/// E(p) = Σ lamps seen + ∫∫ L cos ϑ dω over what is seen through the opening, L = albedo / π · E of the surface. A surface's E is
-/// the lamps' direct light, in which people throw shadows, and an ambient one for everything that bounced before: the flux of
-/// the lamps spread evenly, ρ Φ / (S (1 − ρ)), ρ the mean albedo, S the area of the room.
+/// E(p) = Σ lamps seen + ∫∫ L cos ϑ dω over what is seen through the opening, L = albedo / π · E of the surface. A
+/// surface's E is the lamps' direct light, in which people throw shadows, plus an ambient term for all further bounces:
+/// the flux of the lamps spread evenly, ρ Φ / (S (1 − ρ)), ρ the mean albedo, S the area of the room.
 ///
-/// What does not move is summed once: the transport from each texel to each floor node, and each lamp's light in the empty
-/// room. A frame adds what people change: texels in their shadows, lamps that they hide, and the wedges of azimuth in which they
-/// are seen instead of what is behind them.
+/// What does not move is summed once: the transport from each texel to each floor node, and each lamp's light in the
+/// empty room. A frame adds what people change: texels in their shadows, lamps that they hide, and the wedges of
+/// azimuth in which they are seen instead of what is behind them.
 #[derive(Debug, Clone)]
 pub(super) struct RoomLight {
     doorway: Doorway,
     shell: Shell,
     lamps: Vec<Lamp>,
     floor: FloorMap,
-    /// Row by row, a node each: light per radiance of each texel.
+    /// One row per node: light per unit radiance of each texel.
     transport: Vec<f32>,
-    /// Per lamp, texel by texel: irradiance for an intensity of 1 without people.
+    /// Per lamp and texel: irradiance for an intensity of 1, without people.
     direct: Vec<Vec<f64>>,
-    /// Per lamp: the ambient irradiance.
+    /// Per lamp: ambient irradiance.
     ambient: Vec<Rgb>,
-    /// Per lamp, node by node: all of its light in the empty room.
+    /// Per lamp and node: all of its light in the empty room.
     empty: Vec<Vec<Rgb>>,
-    /// Per lamp, node by node: its direct light for an intensity of 1.
+    /// Per lamp and node: its direct light for an intensity of 1.
     seen: Vec<Vec<f64>>,
     rule: Quadrature,
-    /// The nodes that somebody looks at.
+    /// The nodes that a pixel uses.
     needed: Vec<bool>,
 }
 
@@ -87,12 +89,12 @@ impl RoomLight {
         &self.floor
     }
 
-    /// From now on people change only the light at these places: nobody looks at others.
+    /// Limits people's changes to the nodes that these taps use, for a camera that sees no others.
     pub(super) fn look_only_at(&mut self, places: impl Iterator<Item = Tap>) {
         self.needed = self.floor.nodes_of(places);
     }
 
-    /// The light on the floor with each lamp at its level, as [`FloorMap::refine`] has it.
+    /// The light on the floor with each lamp at its level, as values of [`FloorMap::refine`].
     pub(super) fn light(&self, levels: &[f64], mut people: Vec<Figure>) -> Vec<[f32; 3]> {
         let mut nodes: Vec<Rgb> = vec![[0.0; 3]; self.floor.nodes.len()];
         for (empty, level) in self.empty.iter().zip(levels) {
@@ -113,7 +115,7 @@ impl RoomLight {
         self.floor.refine(&nodes)
     }
 
-    /// Whether any of it is in the room.
+    /// Whether any part of the person is in the room.
     fn is_near(&self, figure: &Figure) -> bool {
         let Part { centre: [x, y], radius, .. } = figure.parts[0];
         x.abs() < self.shell.half_width + radius && (0.0..self.shell.depth + radius).contains(&y)
@@ -133,7 +135,7 @@ impl RoomLight {
         [0, 1, 2].map(|c| self.ambient.iter().zip(levels).map(|(ambient, level)| level * ambient[c]).sum())
     }
 
-    /// Radiance of the walls and ceiling, people's shadows included, and the texels that are in shadow with what they lack.
+    /// Radiance of the walls and ceiling including people's shadows, and what the texels in shadow lack.
     fn radiance(&self, levels: &[f64], people: &[Figure]) -> Radiance {
         let ambient = self.ambient_at(levels);
         let both: Vec<(Rgb, Rgb)> = self
@@ -165,7 +167,7 @@ impl RoomLight {
         }
     }
 
-    /// What people change at a node.
+    /// People's change of the light at a node.
     fn change(&self, k: usize, levels: &[f64], people: &[Figure], radiance: &Radiance, hits: &mut Hits) -> Rgb {
         let node = &self.floor.nodes[k];
         let row = &self.transport[k * self.shell.texels.len()..][..self.shell.texels.len()];
@@ -187,7 +189,7 @@ impl RoomLight {
         change
     }
 
-    /// Adds what people show and takes away what they hide, wedge of azimuth by wedge of azimuth.
+    /// Adds what people show and subtracts what they hide, one wedge of azimuth after the other.
     fn add_people(&self, node: &FloorNode, people: &[Figure], radiance: &Radiance, hits: &mut Hits, light: &mut Rgb) {
         let [first, last] = node.azimuths;
         let Hits { breaks, met } = hits;
@@ -219,7 +221,7 @@ impl RoomLight {
         met.clear();
         for (who, figure) in people.iter().enumerate() {
             for (part, cylinder) in figure.parts.iter().enumerate() {
-                // Who is behind the wall is not in the room.
+                // People behind the wall are not in the room.
                 if let Some(distance) = cylinder.meet(node.at, ray).filter(|&d| d < wall.distance) {
                     met.push(Met { who, part, distance, s: sine_squared(cylinder.top, distance) });
                 }
@@ -262,11 +264,11 @@ impl RoomLight {
         light
     }
 
-    /// sin² of the elevation up to which the opening is free.
+    /// sin² of the elevation at which the opening ends.
     fn open(&self, node: &FloorNode, ray: Point) -> f64 {
         match self.doorway.height_m {
             height if node.at[1] < 0.0 => {
-                // Without a lintel the opening ends at the ceiling: what is above it is the visible side's.
+                // Without a lintel the opening ends at the ceiling: light from above it belongs to the visible side.
                 let height = height.unwrap_or(f64::INFINITY).min(self.shell.height);
                 sine_squared(height, -node.at[1] / ray[1])
             }
@@ -274,7 +276,7 @@ impl RoomLight {
         }
     }
 
-    /// Light at a node per radiance of each texel.
+    /// Adds up a node's light per unit radiance of each texel.
     fn sum_transport(&self, node: &FloorNode, row: &mut [f32]) {
         let [first, last] = node.azimuths;
         if last <= first {
@@ -300,7 +302,8 @@ impl RoomLight {
         }
     }
 
-    /// A lamp's direct light at a node of the floor, for an intensity of 1: what the edges and the lintel leave of it.
+    /// A lamp's direct light at a floor node, for an intensity of 1: the part that the edges and the lintel let
+    /// through.
     fn sees_lamp(&self, node: &FloorNode, lamp: &Lamp) -> f64 {
         let [first, last] = node.azimuths;
         let to_lamp = [lamp.at[0] - node.at[0], lamp.at[1] - node.at[1]];
@@ -319,7 +322,7 @@ impl RoomLight {
         node.weight(ray) * between.max(0.0) * under * lamp.irradiance(place, [0.0, 0.0, 1.0])
     }
 
-    /// All light of one lamp in the empty room.
+    /// All light of one lamp at each node in the empty room.
     fn of_lamp(&self, lamp: usize, front: Rgb) -> Vec<Rgb> {
         let (intensity, ambient) = (self.lamps[lamp].intensity, self.ambient[lamp]);
         let texels = self.shell.texels.iter().zip(&self.direct[lamp]);
@@ -341,11 +344,11 @@ impl RoomLight {
     }
 }
 
-/// What walls and ceiling shine.
+/// Radiance of walls and ceiling.
 struct Radiance {
     texels: Vec<Rgb>,
-    /// Texels in somebody's shadow, and what they would shine more without it.
-    /// The fourth number is 0: four are quicker to add than three.
+    /// Texels in shadow and the radiance that the shadow takes from them. The fourth value is 0: four are faster to add
+    /// than three.
     shadows: Vec<(usize, [f32; 4])>,
 }
 
@@ -360,7 +363,7 @@ impl Radiance {
     }
 }
 
-/// Lists that are used again node after node.
+/// Scratch lists, reused from node to node.
 #[derive(Default)]
 struct Hits {
     breaks: Vec<f64>,
@@ -376,7 +379,7 @@ struct Met {
     s: f64,
 }
 
-/// ρ Φ / (S (1 − ρ)): the doorway gives nothing back.
+/// ρ Φ / (S (1 − ρ)), where the doorway reflects nothing.
 fn ambient(lamp: &Lamp, shell: &Shell, scenario: &Scenario) -> Rgb {
     let Shell { half_width, depth, height, .. } = *shell;
     let front = 2.0 * half_width * height;
@@ -399,7 +402,7 @@ fn direction(phi: f64) -> Point {
     [sine, cosine]
 }
 
-/// sin² of the elevation of what is so high at that distance.
+/// sin² of the elevation of something of this height at this distance.
 fn sine_squared(height: f64, distance: f64) -> f64 {
     let h2 = height * height;
     h2 / (distance * distance + h2)

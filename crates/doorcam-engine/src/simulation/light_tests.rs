@@ -1,4 +1,4 @@
-//! The light against sums over dense rays, which share nothing with it but the scenario: no texels, fans, wedges or outlines.
+//! Compares the light with sums over dense rays, which share only the scenario: no texels, fans, wedges or outlines.
 
 use super::super::scenario::{PersonSpec, SMALLEST};
 use super::*;
@@ -21,7 +21,7 @@ fn at(light: &RoomLight, nodes: &[[f32; 3]], point: Point) -> Rgb {
     [0, 1, 2].map(|c| f64::from(a[c]) + f64::from(b[c]))
 }
 
-/// The floor points of the tests: beside, before and in front of the opening, near and far.
+/// Floor points beside, below and in front of the opening, near and far.
 const POINTS: [Point; 8] = [
     [-0.52, -0.13],
     [-0.45, -0.25],
@@ -33,7 +33,7 @@ const POINTS: [Point; 8] = [
     [0.5, -0.33],
 ];
 
-/// What a ray from a point of space meets, by marching along it: a literal world.
+/// A literal version of the scene that finds what each single ray meets.
 struct Literal<'a> {
     scenario: &'a Scenario,
     people: &'a [PersonSpec],
@@ -46,7 +46,7 @@ enum Met {
 }
 
 impl Literal<'_> {
-    /// The first person along a ray, by the quadratic of its cylinders: distance, normal, albedo.
+    /// The first person along a ray, by the quadratic equation of its cylinders: distance, normal, albedo.
     fn person(&self, from: [f64; 3], ray: [f64; 3], limit: f64) -> Option<(f64, [f64; 3], Rgb)> {
         let mut first: Option<(f64, [f64; 3], Rgb)> = None;
         for p in self.people {
@@ -69,7 +69,7 @@ impl Literal<'_> {
                     let normal = [(d[0] + t * ray[0]) / radius, (d[1] + t * ray[1]) / radius, 0.0];
                     first = Some((t, normal, albedo));
                 }
-                // From above into the top.
+                // From above into the top face.
                 let t = (top - from[2]) / ray[2];
                 let beside = (d[0] + t * ray[0]).hypot(d[1] + t * ray[1]);
                 if ray[2] < 0.0 && t > 1e-6 && t < limit && beside < radius && first.is_none_or(|(n, ..)| t < n) {
@@ -80,7 +80,7 @@ impl Literal<'_> {
         first
     }
 
-    /// From the floor of the visible side.
+    /// What a ray from the floor of the visible side meets.
     fn meet(&self, [x, y]: Point, ray: [f64; 3]) -> Met {
         let doorway = &self.scenario.doorway;
         for face in [-doorway.wall_thickness_m, 0.0] {
@@ -107,7 +107,7 @@ impl Literal<'_> {
         Met::Surface { at: [0, 1, 2].map(|k| from[k] + t * ray[k]), normal, albedo }
     }
 
-    /// Lamps are points here.
+    /// Radiance of a surface, with lamps as points.
     fn radiance(&self, at: [f64; 3], normal: [f64; 3], albedo: Rgb) -> Rgb {
         let mut light = self.ambient;
         for lamp in &self.scenario.lamp {
@@ -122,7 +122,7 @@ impl Literal<'_> {
         [0, 1, 2].map(|c| albedo[c] / PI * light[c])
     }
 
-    /// Σ L cos ϑ Δω over n x n rays, even in azimuth and in sin².
+    /// Σ L cos ϑ Δω over n x n rays, evenly spaced in azimuth and in sin² of the elevation.
     fn light(&self, point: Point, n: usize) -> Rgb {
         let mut sum = [0.0; 3];
         for k in 0..n * n {
@@ -138,9 +138,9 @@ impl Literal<'_> {
     }
 }
 
-/// The bounce of a lamp that the floor points do not see, against the literal sum: the empty room, one person, one behind
-/// another, and a lintel. What the sums are off by, the step of 1/900 of the half turn and texels of 0.1 m, is far below
-/// these bounds.
+/// The bounced light of a lamp that the floor points do not see, compared with the literal sum: the empty room, one
+/// person, one behind another, and a lintel. The errors of the sums, due to steps of 1/900 of the half turn and texels
+/// of 0.1 m, are far below these bounds.
 #[test]
 fn the_light_equals_the_literal_sum_over_rays() {
     let mut scenario = scenario();
@@ -165,7 +165,7 @@ fn the_light_equals_the_literal_sum_over_rays() {
             let (found_nobody, found) = (at(&light, &empty, point), at(&light, &nodes, point));
             for c in 0..3 {
                 let ours = found_nobody[c] - direct[c];
-                // An edge's feet are where a fan's straight lines are worst.
+                // The straight lines of a fan are worst at the edges' feet.
                 assert!((ours / nobody[c] - 1.0).abs() < 0.012, "{point:?} {c}: {ours} {}", nobody[c]);
                 let (change, expected) = (found[c] - found_nobody[c], somebody[c] - nobody[c]);
                 assert!(
@@ -186,7 +186,7 @@ fn at_direct(light: &RoomLight, point: Point) -> Rgb {
     at(light, &light.floor.refine(&nodes), point)
 }
 
-/// A lamp in the middle of the room, seen by the floor: against rays to points spread over the lamp.
+/// A lamp in the middle of the room, seen from the floor, compared with rays to points spread over the lamp.
 #[test]
 fn a_lamps_direct_light_equals_the_literal_mean_over_its_face() {
     let mut scenario = scenario();
@@ -281,7 +281,7 @@ fn who_is_outside_or_hidden_behind_another_changes_nothing_and_an_empty_room_is_
     let empty = light.light(&[1.0], Vec::new());
     assert_eq!(empty, light.light(&[1.0], Vec::new()));
     assert_eq!(empty, light.light(&[1.0], figures(&[person(-1.9, 1.2, [0.9; 3])])));
-    // Thin and low, so close behind the other that no point of the floor sees him, and in his shadow.
+    // Thin and low, in the shadow of the other person, and so close behind that no floor point sees them.
     let front = PersonSpec { radius_m: 0.35, ..person(0.0, 1.2, [0.2, 0.3, 0.4]) };
     let mut behind = person(-0.05, 1.7, [0.9, 0.1, 0.1]);
     (behind.radius_m, behind.height_m) = (0.12, 0.8);

@@ -4,16 +4,17 @@ use std::time::Duration;
 use super::Simulator;
 use doorcam_source::{Clock, Pace, Source, SourceEvent};
 
-/// How a scenario is shown.
+/// How a scenario is played.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LiveOptions {
-    /// At the scenario's pace, or as fast as frames are made and taken.
+    /// At the scenario's pace, or as fast as frames are made and consumed.
     pub pace: Pace,
-    /// Whether to end after a round.
+    /// Whether to end after one round.
     pub once: bool,
 }
 
-/// A scenario as a camera: frame k is there k / fps seconds after the start. One that is too late for that is left out.
+/// A scenario as a camera: frame k is delivered k / fps seconds after the start. Frames that would be late are left
+/// out.
 pub struct LiveSimulation<C> {
     simulator: Arc<Simulator>,
     options: LiveOptions,
@@ -23,7 +24,7 @@ pub struct LiveSimulation<C> {
 }
 
 impl<C: Clock> LiveSimulation<C> {
-    /// Starts with the first frame, when it is asked for.
+    /// The time starts with the first frame that is asked for.
     pub fn new(simulator: Arc<Simulator>, options: LiveOptions, clock: C) -> Self {
         Self { simulator, options, clock, start: None, next: 0 }
     }
@@ -36,7 +37,7 @@ impl<C: Clock> Source for LiveSimulation<C> {
         let start = *self.start.get_or_insert_with(|| self.clock.now());
         let fps = scenario.fps;
         if self.options.pace == Pace::Recorded {
-            // The frame that is due now, or the next one: those before it were never made.
+            // Skip to the frame that is due now; earlier ones are never made.
             let due = (self.clock.now().saturating_sub(start).as_secs_f64() * fps) as u64;
             let newest = due.min(end.saturating_sub(1));
             if newest > self.next {
@@ -52,7 +53,7 @@ impl<C: Clock> Source for LiveSimulation<C> {
         self.next += 1;
         let frame = self.simulator.frame(number);
         if self.options.pace == Pace::Recorded {
-            // From the start, not from frame to frame: no rounding adds up.
+            // Counted from the start, so that rounding errors do not add up.
             self.clock.wait_until(start + Duration::from_secs_f64(number as f64 / fps));
         }
         Some(frame.map_or_else(SourceEvent::Skipped, SourceEvent::Frame))
@@ -78,7 +79,7 @@ mod tests {
         (LiveSimulation::new(Arc::new(simulator), LiveOptions { pace, once }, clock.clone()), clock)
     }
 
-    /// Index, purpose, milliseconds since the start.
+    /// Index, purpose, and milliseconds since the start.
     fn frame(source: &mut LiveSimulation<ManualClock>, clock: &ManualClock) -> (u64, Purpose, u128) {
         match source.next() {
             Some(SourceEvent::Frame(frame)) => (frame.index.unwrap(), frame.purpose, clock.now().as_millis() - 50_000),

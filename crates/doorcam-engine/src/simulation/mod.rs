@@ -1,11 +1,12 @@
 //! A doorway whose truth is known, rendered without the reconstruction's own matrix (docs/simulator.md).
 //!
-//! The reconstruction knows flat facets on a grid. Here the hidden room is continuous: lamps light walls with panels on them, the
-//! ceiling and people anywhere, who throw shadows and hide walls, lamps and each other; what of it is seen through the opening
-//! lights the floor, which a camera with noise looks at. A [`Scenario`] says what there is and how it moves, a [`Simulator`]
-//! makes any frame of it, [`record_simulation`] a recording with truth, [`LiveSimulation`] a live source.
+//! The reconstruction knows only flat facets on a grid. Here the hidden room is continuous: lamps light walls with
+//! panels, the ceiling, and people anywhere, who throw shadows and hide walls, lamps and each other. What is seen of it
+//! through the opening lights the floor, which a noisy camera looks at. A [`Scenario`] says what there is and how it
+//! moves. A [`Simulator`] makes any of its frames, [`record_simulation`] a recording with truth, and [`LiveSimulation`]
+//! a live source.
 //!
-//! [`luminous`] is a plainer world for tests.
+//! [`luminous`] is a simpler world for tests.
 
 mod check;
 mod exposure;

@@ -9,7 +9,7 @@ use doorcam_source::truth::Truth;
 /// Why a recording was not written.
 #[derive(Debug, thiserror::Error)]
 pub enum SimulationError {
-    /// The directory has a recording already.
+    /// The directory already contains a recording.
     #[error("{0}: there is a recording already; remove it or name another directory")]
     Exists(PathBuf),
     /// A file cannot be written.
@@ -26,12 +26,16 @@ pub enum SimulationError {
     Record(#[from] RecordError),
 }
 
-/// Frames that are made at a time, in parallel.
+/// Number of frames that are made at a time, in parallel.
 const AT_A_TIME: u64 = 8;
 
-/// Writes the first `frames` frames of a simulator as a recording (DESIGN: the recording contract) with truth.
+/// Writes the first `frames` frames of a simulator as a recording with truth (docs/recordings.md).
 ///
-/// `each` is told of every frame that is written. The same scenario and seed give the same files.
+/// `each` is called after each frame. The same scenario and seed give the same files.
+///
+/// # Errors
+///
+/// If `out` already contains a recording, or a frame cannot be made or written.
 pub fn record_simulation(
     simulator: &Simulator,
     out: &Path,

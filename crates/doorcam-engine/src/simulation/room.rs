@@ -2,25 +2,26 @@ use super::scenario::{PanelSpec, RoomSpec, WallName};
 use doorcam_core::geometry::Point;
 use doorcam_core::scene::Rgb;
 
-/// Side of the squares that walls and ceiling are cut into, in metres: about two degrees from the door.
+/// Side of the texels of walls and ceiling, in metres: about two degrees as seen from the door.
 const TEXEL_M: f64 = 0.1;
 /// Samples along each side of a texel, over which its albedo is averaged.
 const ALBEDO_SAMPLES: usize = 4;
 
-/// A point or direction of space: (x, y, z) in the door frame, metres.
+/// A point or direction in space: (x, y, z) in the door frame, in metres.
 pub(super) type Vector = [f64; 3];
 
-/// What of the hidden room is seen through the doorway: left, back and right wall and the ceiling, cut into texels.
+/// The parts of the hidden room that are seen through the doorway: left, back and right wall and the ceiling, cut into
+/// texels.
 ///
-/// A place on a surface has coordinates (u, v) in metres: (y, z) on the side walls, (x + half width, z) on the back wall and
-/// (x + half width, y) on the ceiling.
+/// A place on a surface has coordinates (u, v) in metres: (y, z) on the side walls, (x + half width, z) on the back
+/// wall and (x + half width, y) on the ceiling.
 #[derive(Debug, Clone)]
 pub(super) struct Shell {
     pub(super) half_width: f64,
     pub(super) depth: f64,
     pub(super) height: f64,
     surfaces: [Surface; 4],
-    /// One a texel.
+    /// The texels of all surfaces, one surface after the other.
     pub(super) texels: Vec<Texel>,
 }
 
@@ -38,7 +39,7 @@ struct Surface {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Texel {
     pub(super) centre: Vector,
-    /// Into the room.
+    /// Pointing into the room.
     pub(super) normal: Vector,
     pub(super) albedo: Rgb,
     /// Half of its side, in metres.
@@ -83,7 +84,7 @@ impl Shell {
         shell
     }
 
-    /// The albedo at a place: the last panel's that covers it.
+    /// The albedo at a place: that of the last panel that covers it, otherwise `plain`.
     fn painted(&self, surface: usize, [u, v]: Point, plain: Rgb, panels: &[PanelSpec]) -> Rgb {
         let (surfaces, u) = match surface {
             0 => (Some(WallName::Left), u),
@@ -106,7 +107,7 @@ impl Shell {
         }
     }
 
-    /// The wall that a horizontal ray from a point of the floor meets: which, where along it, and how far away.
+    /// Where a horizontal ray from a floor point meets a wall.
     pub(super) fn wall(&self, [x, y]: Point, ray: Point) -> WallHit {
         let back = (self.depth - y) / ray[1];
         let (side, beside) =
@@ -118,7 +119,7 @@ impl Shell {
         }
     }
 
-    /// Where a ray of azimuth `ray` and sin² of elevation `s` from a point of the floor ends.
+    /// Where a ray with azimuth `ray` and sin² of elevation `s` from a floor point ends.
     pub(super) fn taps(&self, [x, y]: Point, ray: Point, wall: &WallHit, s: f64) -> Taps {
         let slope = (s / (1.0 - s).max(1e-12)).sqrt();
         let z = wall.distance * slope;
@@ -139,7 +140,7 @@ pub(super) struct WallHit {
 }
 
 impl Surface {
-    /// Bilinear between the texels' centres, constant beyond the outermost.
+    /// Bilinear between the texels' centres, constant beyond the outermost ones.
     fn taps(&self, at: Point) -> Taps {
         let [(i, a), (j, b)] = [0, 1].map(|k| {
             let last = self.count[k] - 1;
@@ -164,7 +165,7 @@ mod tests {
         Shell::new(&scenario.room, &scenario.panel)
     }
 
-    /// A linear function of the place on a surface comes back from the texels; what each ray meets is found by marching.
+    /// Interpolated texel positions agree with the end of each ray, found by marching along it.
     #[test]
     fn rays_end_where_marching_them_leaves_the_room() {
         let shell = shell();

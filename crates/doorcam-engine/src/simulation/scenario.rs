@@ -9,7 +9,7 @@ use doorcam_core::optics::Transfer;
 use doorcam_core::scene::Rgb;
 use doorcam_source::recording::Layout;
 
-/// A scenario that cannot be used: one line that names the file, the line or key, and what was expected.
+/// A scenario that cannot be used: one line with the file, the line or key, and what was expected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{0}")]
 pub struct ScenarioError(String);
@@ -19,31 +19,31 @@ pub struct ScenarioError(String);
 #[folder = "scenarios/"]
 struct Library;
 
-/// All that a simulated recording shows. docs/simulator.md describes each key.
+/// Everything that a simulated recording shows. docs/simulator.md describes each key.
 ///
-/// Lengths are in metres in the door frame, times in seconds; those of walks, switches and exposures count from the end of the
-/// empty time. Light is in relative units: the camera's level sets the scale.
+/// Lengths are in metres in the door frame, times in seconds. Times of walks, switches and exposures count from the end
+/// of the empty time. Light is in relative units: the camera's level sets the scale.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
-    /// What it shows, for people.
+    /// One line that says what it shows.
     pub description: String,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
-    /// So long, from the start on, nobody is there.
+    /// Duration of the empty room at the start, in seconds.
     pub background_s: f64,
-    /// Length of a round, the empty time included; a loop begins again after it.
+    /// Duration of a round in seconds, including the empty time; then a loop begins again.
     pub duration_s: f64,
     /// The doorway.
     pub doorway: Doorway,
     /// The hidden room.
     pub room: RoomSpec,
-    /// What hangs on the walls; a later one covers an earlier one.
+    /// Panels on the walls; later ones cover earlier ones.
     #[serde(default)]
     pub panel: Vec<PanelSpec>,
     /// The lamps of the hidden room.
     pub lamp: Vec<LampSpec>,
-    /// Who walks there.
+    /// The people who walk there.
     #[serde(default)]
     pub person: Vec<PersonSpec>,
     /// Light of the visible side.
@@ -53,7 +53,7 @@ pub struct Scenario {
     pub floor: FloorSpec,
     /// The camera.
     pub camera: CameraSpec,
-    /// Lamps that flicker with the mains; none if they do not.
+    /// Flicker of lamps on the mains; none if they do not flicker.
     #[serde(default)]
     pub flicker: Option<FlickerSpec>,
 }
@@ -64,11 +64,11 @@ pub struct Scenario {
 pub struct RoomSpec {
     /// The room is |x| < half_width_m.
     pub half_width_m: f64,
-    /// It is 0 < y < depth_m.
+    /// The room is 0 < y < depth_m.
     pub depth_m: f64,
     /// Height of the ceiling.
     pub ceiling_m: f64,
-    /// What its surfaces reflect.
+    /// Albedo of its surfaces.
     pub albedo: RoomAlbedo,
 }
 
@@ -82,7 +82,7 @@ pub struct RoomAlbedo {
     pub back: Rgb,
     /// The wall at x = half_width_m.
     pub right: Rgb,
-    /// The doorway's wall, from within.
+    /// The doorway's wall, seen from the room.
     pub front: Rgb,
     /// The floor of the room.
     pub floor: Rgb,
@@ -90,7 +90,7 @@ pub struct RoomAlbedo {
     pub ceiling: Rgb,
 }
 
-/// A wall that panels hang on.
+/// A wall that panels can hang on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum WallName {
@@ -108,11 +108,11 @@ pub enum WallName {
 pub struct PanelSpec {
     /// The wall.
     pub wall: WallName,
-    /// From where to where along it: x on the back wall, y on a side wall.
+    /// Extent along the wall: x on the back wall, y on a side wall.
     pub along_m: [f64; 2],
-    /// From where to where above the floor.
+    /// Extent above the floor.
     pub up_m: [f64; 2],
-    /// What it reflects.
+    /// Its albedo.
     pub albedo: Rgb,
 }
 
@@ -130,15 +130,15 @@ pub enum LampKind {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LampSpec {
-    /// What it is.
+    /// Its kind.
     pub kind: LampKind,
     /// Its centre.
     pub at_m: [f64; 3],
-    /// Its radius: how soft shadows are.
+    /// Its radius: determines how soft shadows are.
     pub radius_m: f64,
-    /// Radiant intensity in relative units, of a panel straight down.
+    /// Radiant intensity in relative units; for a panel, straight down.
     pub rgb: Rgb,
-    /// Times and the level from then on, 1 before the first: 0 is off.
+    /// Times and the level from then on: 0 is off, 1 applies before the first.
     #[serde(default)]
     pub switch: Vec<(f64, f64)>,
 }
@@ -150,34 +150,34 @@ pub struct PersonSpec {
     /// Radius of the body.
     #[serde(default = "usual_radius")]
     pub radius_m: f64,
-    /// Height with the head.
+    /// Height including the head.
     #[serde(default = "usual_height")]
     pub height_m: f64,
-    /// What the body reflects.
+    /// Albedo of the body.
     pub clothes: Rgb,
-    /// What the head reflects.
+    /// Albedo of the head.
     #[serde(default = "usual_skin")]
     pub skin: Rgb,
-    /// Waypoints [seconds, x, y]; a person is only there from the first to the last.
+    /// Waypoints [seconds, x, y]; the person is only there from the first to the last.
     pub walk: Vec<(f64, f64, f64)>,
-    /// The walk begins again after so many seconds; without it, it is gone once.
+    /// Seconds after which the walk begins again; none for a single walk.
     #[serde(default)]
     pub repeat_s: Option<f64>,
 }
 
-/// `[visible]`: the light that reaches the floor from the camera's side.
+/// `[visible]`: the visible side's light on the floor.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VisibleSpec {
-    /// Its share of the light on the floor beside the edges, the room being empty: 0 to below 1.
+    /// Its share of the light on the floor beside the edges while the room is empty: 0 to below 1.
     pub share: f64,
     /// Its colour.
     #[serde(default = "white")]
     pub rgb: Rgb,
-    /// By which part of itself it rises and falls.
+    /// Amplitude of its rise and fall, as a part of itself.
     #[serde(default)]
     pub drift: f64,
-    /// How long that takes.
+    /// Period of the drift, in seconds.
     #[serde(default = "minute")]
     pub drift_period_s: f64,
 }
@@ -186,7 +186,7 @@ pub struct VisibleSpec {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FloorSpec {
-    /// What it reflects on average.
+    /// Mean albedo.
     pub albedo: Rgb,
     /// Standard deviation of its speckle, relative to the albedo.
     pub speckle: f64,
@@ -206,9 +206,9 @@ impl Default for FloorSpec {
 pub enum FrameFormat {
     /// JPEG files.
     Jpeg,
-    /// PNG files of 8 bits.
+    /// 8-bit PNG files.
     Png,
-    /// Raw pixels, as a webcam's uncompressed format; recorded as PNG.
+    /// Raw pixels, as in a webcam's uncompressed format; recorded as PNG.
     Rgb,
 }
 
@@ -216,60 +216,60 @@ pub enum FrameFormat {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSpec {
-    /// "camera": its picture; "patches": rectified squares of floor in linear light of 16 bits, which no camera gives.
+    /// "camera": its picture; "patches": rectified squares of floor in 16-bit linear light, which no camera delivers.
     #[serde(default = "camera_layout")]
     pub layout: Layout,
-    /// Where it is.
+    /// Its position.
     pub at_m: [f64; 3],
-    /// The point of the floor in the middle of its picture.
+    /// The floor point in the centre of its picture.
     pub look_at_m: [f64; 2],
-    /// What its picture's width spans, in degrees.
+    /// Angle spanned by the width of its picture, in degrees.
     pub field_of_view_deg: f64,
-    /// By how much it is turned clockwise about its line of sight, in degrees.
+    /// Clockwise rotation about its line of sight, in degrees.
     #[serde(default)]
     pub roll_deg: f64,
-    /// Width and height in pixels; of patches, the width.
+    /// Width and height in pixels; for patches, the width counts.
     #[serde(default = "usual_size")]
     pub size: [usize; 2],
-    /// Side of the squares of layout "patches".
+    /// Side of the squares with layout "patches".
     #[serde(default = "usual_fov")]
     pub fov_m: f64,
-    /// Mean light of the floor beside the edges, the room being empty, relative to full scale.
+    /// Mean light of the floor beside the edges while the room is empty, relative to full scale.
     #[serde(default = "usual_level")]
     pub level: f64,
-    /// Times and the factor of the exposure from then on, 1 before the first.
+    /// Times and the exposure factor from then on; 1 applies before the first.
     #[serde(default)]
     pub exposure: Vec<(f64, f64)>,
-    /// Electrons of a pixel at full scale: photon noise.
+    /// Electrons of a pixel at full scale; determines photon noise.
     #[serde(default = "usual_electrons")]
     pub full_scale_electrons: f64,
     /// Standard deviation of a pixel's read noise, in electrons.
     #[serde(default = "usual_read")]
     pub read_electrons: f64,
-    /// From light to codes.
+    /// Transfer function from light to codes.
     #[serde(default = "srgb")]
     pub transfer: Transfer,
     /// What it delivers.
     #[serde(default = "jpeg")]
     pub format: FrameFormat,
-    /// Quality of JPEGs.
+    /// JPEG quality.
     #[serde(default = "usual_quality")]
     pub quality: u8,
 }
 
-/// `[flicker]`: lamps on the mains brighten twice a period.
+/// `[flicker]`: lamps on the mains brighten twice per period.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlickerSpec {
-    /// The mains' frequency.
+    /// Frequency of the mains.
     pub mains_hz: f64,
-    /// By which part of itself the hidden light rises and falls.
+    /// Amplitude of the hidden light's rise and fall, as a part of itself.
     pub hidden: f64,
-    /// By which part of itself the visible side's light rises and falls.
+    /// Amplitude of the visible light's rise and fall, as a part of itself.
     pub visible: f64,
-    /// How long a row of pixels gathers light.
+    /// Exposure time of each row of pixels, in seconds.
     pub exposure_s: f64,
-    /// How much later each row begins than the one above it; 0 for a global shutter.
+    /// Delay of each row after the one above it, in seconds; 0 for a global shutter.
     #[serde(default)]
     pub line_s: f64,
 }
@@ -317,7 +317,7 @@ fn usual_quality() -> u8 {
     95
 }
 
-/// The value in force at a time: of the last entry that is not later, 1 before the first.
+/// The value in force at a time: that of the last entry not later than it; 1 before the first.
 pub(super) fn in_force(entries: &[(f64, f64)], seconds: f64) -> f64 {
     entries.iter().rev().find(|(at, _)| *at <= seconds).map_or(1.0, |(_, value)| *value)
 }
@@ -330,7 +330,11 @@ impl Scenario {
         names
     }
 
-    /// One of [`Scenario::names`], or a file: what ends in `.toml` or has a slash is a path.
+    /// Loads one of [`Scenario::names`], or a file: a name that ends in `.toml` or contains a slash is a path.
+    ///
+    /// # Errors
+    ///
+    /// If there is no such scenario, or the file cannot be read or is not valid.
     pub fn load(name: &str) -> Result<Self, ScenarioError> {
         let error = |e: String| ScenarioError(format!("{name}: {e}"));
         if name.ends_with(".toml") || name.contains('/') {
@@ -349,7 +353,11 @@ impl Scenario {
         Self::parse(&text).map_err(error)
     }
 
-    /// Reads and checks a scenario's text; the error does not name the file.
+    /// Parses and checks a scenario.
+    ///
+    /// # Errors
+    ///
+    /// If the text is not a valid scenario; the message does not name the file.
     pub fn parse(text: &str) -> Result<Self, String> {
         let scenario: Self = toml::from_str(text).map_err(|e| {
             let line = e.span().map_or(1, |span| 1 + text[..span.start.min(text.len())].matches('\n').count());
@@ -359,17 +367,17 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// Frames of a round.
+    /// Number of frames in a round.
     pub fn frames(&self) -> u64 {
         (self.duration_s * self.fps).round().max(1.0) as u64
     }
 
-    /// Frames at the start of a round that show the empty room.
+    /// Number of frames at the start of a round that show the empty room.
     pub fn background_frames(&self) -> u64 {
         (self.background_s * self.fps).round() as u64
     }
 
-    /// Where a person goes, in seconds since the empty time's end.
+    /// A person's walk, in seconds since the end of the empty time.
     pub(super) fn walk(person: &PersonSpec) -> Walk {
         Walk { waypoints: person.walk.iter().map(|&(t, x, y)| (t, [x, y])).collect(), period_s: person.repeat_s }
     }
@@ -379,7 +387,7 @@ impl Scenario {
     }
 }
 
-/// A scenario with nothing that may be left out.
+/// A scenario with the required keys only.
 #[cfg(test)]
 pub(super) const SMALLEST: &str = r#"
 description = "a small room"

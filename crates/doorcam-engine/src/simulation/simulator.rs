@@ -20,12 +20,12 @@ use doorcam_source::sensor::{LumaMatrix, SensorFormat, SensorPixels};
 use doorcam_source::truth::{Target, TrueFrame};
 use doorcam_source::{Purpose, RawFrame, RawImages, SkippedFrame};
 
-/// Fewer marks than this in the picture are too little for a calibration to be checked.
+/// With fewer marks than this in the picture, a calibration cannot be checked.
 const LEAST_MARKS: usize = 6;
-/// Where the light's level and the visible side's share are meant: squares of that side beside the edges, of so many points.
+/// Squares beside the edges that define the light's level and the visible side's share.
 const REFERENCE: PatchGrid = PatchGrid { size: 16, fov_m: 0.3, layout: PixelLayout::Cells };
 
-/// A scenario as frames: any frame at any time, the same for the same seed.
+/// Makes any frame of a scenario; the same seed gives the same frames.
 #[derive(Debug, Clone)]
 pub struct Simulator {
     scenario: Scenario,
@@ -34,15 +34,19 @@ pub struct Simulator {
     view: View,
     exposure: Exposure,
     walks: Vec<Walk>,
-    /// From the scene's light to full scale.
+    /// Factor from the scene's light to full scale.
     gain: f64,
-    /// The visible side's light without its drift.
+    /// The visible side's light, without its drift.
     visible: [f64; 3],
     manifest: Manifest,
 }
 
 impl Simulator {
-    /// Works out what does not move, which takes up to a second. The error names the key at fault, not the file.
+    /// Calculates everything that does not move, which takes up to a second.
+    ///
+    /// # Errors
+    ///
+    /// If the camera sees too few of the marks at the doorway's foot; the message names the keys, not the file.
     pub fn new(scenario: Scenario, seed: u64) -> Result<Self, String> {
         let manifest = manifest(&scenario, seed)?;
         let mut light = RoomLight::new(&scenario);
@@ -56,7 +60,7 @@ impl Simulator {
         Ok(simulator)
     }
 
-    /// Sets the visible side's light and the gain by the light on the floor beside the edges, the room being empty.
+    /// Sets the visible side's light and the gain from the light on the floor beside the edges of the empty room.
     fn set_level(&mut self) {
         let levels = self.levels(-self.scenario.background_s);
         let nodes = self.light.light(&levels, Vec::new());
@@ -79,7 +83,11 @@ impl Simulator {
         &self.manifest
     }
 
-    /// A frame; after the last of a round it begins again, with other noise. Its seconds go on.
+    /// Makes a frame. After the last frame of a round the scenario begins again with other noise, but time goes on.
+    ///
+    /// # Errors
+    ///
+    /// If the frame cannot be encoded.
     pub fn frame(&self, number: u64) -> Result<RawFrame, SkippedFrame> {
         let index = number % self.scenario.frames();
         let name: Arc<str> = format!("frame {index}").into();
@@ -89,7 +97,7 @@ impl Simulator {
         Ok(RawFrame { index: Some(index), purpose, seconds, images, time: None, name })
     }
 
-    /// Where everybody in the room is in a frame of a round.
+    /// True positions of everybody in the room, for a frame of one round.
     pub fn truth(&self, index: u64) -> TrueFrame {
         let room = &self.scenario.room;
         let inside = |[x, y]: &Point| x.abs() < room.half_width_m && (0.0..room.depth_m).contains(y);
@@ -104,13 +112,13 @@ impl Simulator {
         TrueFrame { index, t: index as f64 / self.scenario.fps, targets: targets.collect() }
     }
 
-    /// Seconds of a frame of a round since the empty time's end.
+    /// Seconds from the end of the empty time to a frame of a round.
     fn seconds_after_empty(&self, index: u64) -> f64 {
-        // By frames, so that the first frame after them is at 0 whatever the rounding.
+        // In whole frames, so that the first one after the empty time is at exactly 0.
         (index as f64 - self.scenario.background_frames() as f64) / self.scenario.fps
     }
 
-    /// Everybody who is somewhere, with a number from 1 on.
+    /// Everybody who is anywhere, numbered from 1.
     fn people_at(&self, seconds: f64) -> impl Iterator<Item = (u64, &PersonSpec, Point)> {
         let people = self.scenario.person.iter().zip(&self.walks).zip(1..);
         people.filter_map(move |((person, walk), id)| {

@@ -69,7 +69,7 @@ fn a_picture_has_the_level_and_the_visible_sides_share_that_the_scenario_says() 
         points.iter().map(light).sum::<f64>() / points.len() as f64
     };
     assert!((level(0) / 0.35 - 1.0).abs() < 0.01, "{}", level(0));
-    // The only lamp of the room is off: what is left is the visible side's 40 %.
+    // The only lamp of the room is off: the visible side's 40 % remain.
     assert!((level(15) / level(0) - 0.4).abs() < 0.01, "{}", level(15) / level(0));
 }
 
@@ -97,7 +97,7 @@ fn a_camera_that_does_not_see_the_doorways_foot_is_refused() {
     assert!(error.starts_with("camera sees 0 of the 10 marks"), "{error}");
 }
 
-/// What path-traced rooms of this kind show: a person mostly takes light away, at the peak some percent of the floor's.
+/// As in path-traced rooms of this kind, a person mostly takes light away, at most some percent of the floor's.
 #[test]
 fn people_darken_the_floor_by_some_percent_in_every_scenario_that_has_them() {
     for name in Scenario::names() {
@@ -141,7 +141,7 @@ fn people_darken_the_floor_by_some_percent_in_every_scenario_that_has_them() {
     }
 }
 
-/// Leaving out what the camera does not see changes nothing of what it sees.
+/// Leaving out nodes that the camera does not use changes nothing that it sees.
 #[test]
 fn nodes_that_no_pixel_needs_may_be_left_out() {
     let simulator = simulator(with_person, 1);

@@ -9,35 +9,35 @@ use doorcam_core::scene::Rgb;
 use doorcam_core::transport::{PatchGrid, PixelLayout};
 use doorcam_source::recording::Layout;
 
-/// Samples along each side of a pixel, over which what it sees is averaged.
+/// Samples along each side of a pixel, over which its content is averaged.
 const SAMPLES: usize = 3;
-/// What is not floor has one colour: the wall's face, the sides of the opening and what is far in the room.
+/// Whatever is not floor has a uniform albedo: the wall's face, the sides of the opening, and what is far in the room.
 const FACE: Rgb = [0.52, 0.50, 0.47];
 const JAMB: Rgb = [0.35, 0.34, 0.32];
 const BEYOND: Rgb = [0.12, 0.12, 0.12];
-/// Floor of the room is shown so far behind the doorway; people further in are never seen by the camera itself.
+/// The room's floor is shown up to this distance behind the doorway, in metres; the camera itself never sees people.
 const SHOWN_M: f64 = 1.0;
 
-/// What a pixel sees.
+/// The content of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pixel {
-    /// Where the light on the floor comes from.
+    /// Interpolation of the light on the floor.
     pub(super) taps: [Tap; 2],
-    /// Albedo of the floor, times the part of the pixel that is floor.
+    /// Albedo of the floor, times the share of the pixel that is floor.
     pub(super) floor: [f32; 3],
-    /// Albedo of the rest, times its part. The visible side's light is on it.
+    /// Albedo of the rest, times its share of the pixel. Only the visible side's light falls on it.
     pub(super) flat: [f32; 3],
-    /// The part of the visible side's light that is on the floor.
+    /// The part of the visible side's light that falls on the floor here.
     pub(super) visible: f32,
 }
 
-/// What meets a line of sight.
-enum Seen {
+/// What a line of sight ends at.
+enum Surface {
     Floor(Point),
     Flat(Rgb),
 }
 
-/// All pixels of a frame, row by row from the top left: of a picture, or of the left and then the right patch.
+/// All pixels of a frame, row by row from the top left: of a picture, or of the left patch followed by the right.
 #[derive(Debug, Clone)]
 pub(super) struct View {
     pub(super) pixels: Vec<Pixel>,
@@ -73,7 +73,7 @@ impl Pinhole {
         let at = spec.at_m;
         let towards = [spec.look_at_m[0] - at[0], spec.look_at_m[1] - at[1], -at[2]];
         let ahead = unit(towards).unwrap_or([0.0, 0.0, -1.0]);
-        // Straight down, the wall is at the top of the picture.
+        // If it looks straight down, the wall is at the top of the picture.
         let level = unit(cross(ahead, [0.0, 0.0, 1.0])).unwrap_or([1.0, 0.0, 0.0]);
         let below = cross(ahead, level);
         let (sine, cosine) = spec.roll_deg.to_radians().sin_cos();
@@ -83,7 +83,7 @@ impl Pinhole {
         Self { at, ahead, right, down, focal, size: spec.size }
     }
 
-    /// The direction of a pixel's line of sight, not of unit length.
+    /// Direction of a pixel's line of sight, not normalised.
     fn ray(&self, [u, v]: Point) -> Vector {
         let (x, y) = ((u - self.middle(0)) / self.focal, (v - self.middle(1)) / self.focal);
         [0, 1, 2].map(|k| self.ahead[k] + x * self.right[k] + y * self.down[k])
@@ -93,7 +93,7 @@ impl Pinhole {
         (self.size[axis] as f64 - 1.0) / 2.0
     }
 
-    /// Where a floor point is seen; none if it is not in the picture.
+    /// The pixel at which a floor point is seen; none outside the picture.
     pub(super) fn see(&self, [x, y]: Point) -> Option<Point> {
         let d = [x - self.at[0], y - self.at[1], -self.at[2]];
         let depth = dot(d, self.ahead);
@@ -105,7 +105,7 @@ impl Pinhole {
         (depth > 0.05 && within(0) && within(1)).then_some(pixel)
     }
 
-    fn meet(&self, doorway: &Doorway, pixel: Point) -> Seen {
+    fn meet(&self, doorway: &Doorway, pixel: Point) -> Surface {
         let ray = self.ray(pixel);
         let at = |t: f64| [0, 1, 2].map(|k| self.at[k] + t * ray[k]);
         let open = |[x, _, z]: Vector| x.abs() < doorway.half_width() && doorway.height_m.is_none_or(|h| z < h);
@@ -114,23 +114,23 @@ impl Pinhole {
         let (face, hidden, far) = (plane(-doorway.wall_thickness_m), plane(0.0), plane(SHOWN_M));
         let [x, y, _] = at(floor.min(1e3));
         if floor <= face {
-            return Seen::Floor([x, y]);
+            return Surface::Floor([x, y]);
         }
         if !open(at(face)) {
-            return Seen::Flat(FACE);
+            return Surface::Flat(FACE);
         }
         if floor <= hidden && x.abs() < doorway.half_width() {
-            return Seen::Floor([x, y]);
+            return Surface::Floor([x, y]);
         }
         if floor <= hidden || !open(at(hidden)) {
-            return Seen::Flat(JAMB);
+            return Surface::Flat(JAMB);
         }
-        if floor <= far { Seen::Floor([x, y]) } else { Seen::Flat(BEYOND) }
+        if floor <= far { Surface::Floor([x, y]) } else { Surface::Flat(BEYOND) }
     }
 }
 
 impl View {
-    /// Of a picture.
+    /// The view of a camera picture.
     pub(super) fn picture(camera: &Pinhole, doorway: &Doorway, floor: &FloorSpec, map: &FloorMap) -> Self {
         let [width, height] = camera.size;
         let pixel = |k: usize| {
@@ -140,15 +140,16 @@ impl View {
         Self { pixels: (0..width * height).into_par_iter().map(pixel).collect(), width }
     }
 
-    /// Of two patches.
+    /// The view of two patches.
     pub(super) fn patches(grid: &PatchGrid, doorway: &Doorway, floor: &FloorSpec, map: &FloorMap) -> Self {
         let side = grid.fov_m / grid.size as f64;
-        let of = |point: Point| pixel(|du, dv| Seen::Floor([point[0] + du * side, point[1] - dv * side]), floor, map);
+        let of =
+            |point: Point| pixel(|du, dv| Surface::Floor([point[0] + du * side, point[1] - dv * side]), floor, map);
         let points: Vec<Point> = Side::BOTH.into_iter().flat_map(|s| grid.points(doorway, s)).collect();
         Self { pixels: points.into_par_iter().map(of).collect(), width: grid.size }
     }
 
-    /// Of what a scenario's camera delivers.
+    /// The view that a scenario's camera delivers.
     pub(super) fn of(camera: &CameraSpec, doorway: &Doorway, floor: &FloorSpec, map: &FloorMap) -> Self {
         match camera.layout {
             Layout::Camera => Self::picture(&Pinhole::new(camera), doorway, floor, map),
@@ -157,12 +158,12 @@ impl View {
     }
 }
 
-/// The squares of layout "patches".
+/// The patches of layout "patches".
 pub(super) fn patch_grid(camera: &CameraSpec) -> PatchGrid {
     PatchGrid { size: camera.size[0], fov_m: camera.fov_m, layout: PixelLayout::Cells }
 }
 
-/// The marks of a careful calibration that are in the picture: on the wall's foot and 0.3 m before it.
+/// The marks of a careful calibration that are in the picture: at the wall's foot and 0.3 m in front of it.
 pub(super) fn floor_points(camera: &Pinhole, doorway: &Doorway) -> Vec<FloorPoint> {
     let (half, foot) = (doorway.half_width(), -doorway.wall_thickness_m);
     let across = [-half - 0.2, -half, 0.0, half, half + 0.2];
@@ -170,21 +171,21 @@ pub(super) fn floor_points(camera: &Pinhole, doorway: &Doorway) -> Vec<FloorPoin
     marks.filter_map(|floor_m| Some(FloorPoint { pixel: camera.see(floor_m)?, floor_m })).collect()
 }
 
-/// A pixel from what its samples see, at offsets of up to half a pixel.
-fn pixel(at: impl Fn(f64, f64) -> Seen, floor: &FloorSpec, map: &FloorMap) -> Pixel {
+/// Averages what the samples of a pixel see, at offsets of up to half a pixel.
+fn pixel(at: impl Fn(f64, f64) -> Surface, floor: &FloorSpec, map: &FloorMap) -> Pixel {
     let mut pixel = Pixel { taps: [Tap::default(); 2], floor: [0.0; 3], flat: [0.0; 3], visible: 0.0 };
     let (mut place, mut on_floor) = ([0.0; 2], 0.0);
     let share = 1.0 / (SAMPLES * SAMPLES) as f32;
     for k in 0..SAMPLES * SAMPLES {
         let offset = |k: usize| (k as f64 + 0.5) / SAMPLES as f64 - 0.5;
         match at(offset(k % SAMPLES), offset(k / SAMPLES)) {
-            Seen::Floor(point) => {
+            Surface::Floor(point) => {
                 let speckle = 1.0 + floor.speckle * speckle(point, floor.grain_m);
                 (0..3).for_each(|c| pixel.floor[c] += share * (floor.albedo[c] * speckle).clamp(0.0, 1.0) as f32);
                 place = [place[0] + point[0], place[1] + point[1]];
                 on_floor += 1.0;
             }
-            Seen::Flat(colour) => (0..3).for_each(|c| pixel.flat[c] += share * colour[c] as f32),
+            Surface::Flat(colour) => (0..3).for_each(|c| pixel.flat[c] += share * colour[c] as f32),
         }
     }
     if on_floor > 0.0 {
@@ -195,10 +196,10 @@ fn pixel(at: impl Fn(f64, f64) -> Seen, floor: &FloorSpec, map: &FloorMap) -> Pi
     pixel
 }
 
-/// The floor's own pattern: a value of mean 0 and deviation 1 for each grain, always the same.
+/// The floor's fixed pattern: for each grain a value of mean 0 and standard deviation 1.
 fn speckle([x, y]: Point, grain: f64) -> f64 {
     let cell = |value: f64| (value / grain).floor() as i64 as u64;
-    // SplitMix64 of the grain's number: neighbours are unrelated.
+    // SplitMix64 of the grain's number, so that neighbours are unrelated.
     let mut z = cell(x).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ cell(y).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
     let mut sum = 0.0;
     for _ in 0..3 {
@@ -206,7 +207,7 @@ fn speckle([x, y]: Point, grain: f64) -> f64 {
         let mut w = z;
         w = (w ^ (w >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         w = (w ^ (w >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        // Three uniform numbers of deviation 1/√12 each.
+        // Sum of three uniform numbers, each with a standard deviation of 1/√12.
         sum += ((w ^ (w >> 31)) >> 11) as f64 / (1_u64 << 53) as f64 - 0.5;
     }
     2.0 * sum
@@ -227,15 +228,15 @@ mod tests {
             let points = floor_points(&camera, &doorway);
             assert!(points.len() >= 6, "{points:?}");
             for FloorPoint { pixel, floor_m: [x, y] } in points {
-                // Just before the wall's foot, on which they are.
+                // Just in front of the wall's foot, on which some of them are.
                 let pixel = camera.see([x, y - 1e-9]).map_or(pixel, |p| p);
-                let Seen::Floor(found) = camera.meet(&doorway, pixel) else { panic!("{pixel:?} is floor") };
+                let Surface::Floor(found) = camera.meet(&doorway, pixel) else { panic!("{pixel:?} is floor") };
                 assert!((found[0] - x).hypot(found[1] - y) < 1e-6, "{found:?} {x} {y}");
             }
             let middle = camera.see(spec.look_at_m).unwrap();
             assert!((middle[0] - 319.5).hypot(middle[1] - 179.5) < 1e-9);
         }
-        // To a camera that is turned clockwise the scene turns the other way.
+        // If the camera turns clockwise, the picture turns the other way.
         spec.roll_deg = 10.0;
         let right = Pinhole::new(&spec).see([0.2, -0.25]).unwrap();
         assert!(right[0] > 330.0 && right[1] < 179.5, "{right:?}");

@@ -1,21 +1,20 @@
 use doorcam_core::geometry::Point;
 
-/// A smooth walk through waypoints: round and round, or once.
+/// A smooth walk through waypoints, either repeated or single.
 ///
-/// Between waypoints the position is a cubic with the velocities (p_{k+1} − p_{k−1}) / (t_{k+1} − t_{k−1}) at the ends, so
-/// that position and velocity are continuous, also from one round to the next. A walk that is gone once begins and ends at
-/// rest, and two equal waypoints of it are a pause.
+/// Between waypoints the position is a cubic with velocities (p_{k+1} − p_{k−1}) / (t_{k+1} − t_{k−1}) at the ends, so
+/// that position and velocity are continuous, also from one round to the next. A single walk begins and ends at rest,
+/// and two equal waypoints are a pause.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Walk {
-    /// Time in seconds, rising, and place in metres. Those of a round begin at 0.
+    /// Times in seconds, rising, and positions in metres. A repeated walk begins at time 0.
     pub waypoints: Vec<(f64, Point)>,
-    /// Seconds until it begins again, above the last waypoint's time; none for a walk that is gone once.
+    /// Seconds after which it repeats, more than the last waypoint's time; none for a single walk.
     pub period_s: Option<f64>,
 }
 
 impl Walk {
-    /// Where the walker is at a time, in seconds; none before and after a walk that is gone once, and for a walk without
-    /// waypoints.
+    /// Position at a time in seconds; none before and after a single walk, and for a walk without waypoints.
     pub fn at(&self, seconds: f64) -> Option<Point> {
         let count = self.waypoints.len() as isize;
         let (&(first, _), &(last, _)) = (self.waypoints.first()?, self.waypoints.last()?);
@@ -24,7 +23,7 @@ impl Walk {
             None if (first..=last).contains(&seconds) => seconds,
             None => return None,
         };
-        // Waypoints of the rounds before and after, at their times; beyond the ends of a single walk, the ends.
+        // Includes the waypoints of the previous and next rounds; beyond the ends of a single walk, repeats its ends.
         let waypoint = |k: isize| match self.period_s {
             Some(period) => {
                 let (t, p) = *self.waypoints.get(k.rem_euclid(count) as usize)?;
@@ -42,7 +41,7 @@ impl Walk {
         let u = (time - from.0) / span;
         let coordinate = |axis: usize| {
             let speed = |a: (f64, Point), b: (f64, Point), here: (f64, Point)| {
-                // At the ends of a single walk, and in its pauses, nobody moves.
+                // At rest at the ends of a single walk and in its pauses.
                 let at_rest =
                     self.period_s.is_none() && (a.0 == here.0 || b.0 == here.0 || a.1 == here.1 || b.1 == here.1);
                 if at_rest { 0.0 } else { (b.1[axis] - a.1[axis]) / (b.0 - a.0) }

@@ -1,4 +1,4 @@
-//! Decoding a camera's JPEGs for measuring allocates nothing once one was decoded.
+//! Decoding a camera's JPEGs exactly allocates nothing once one has been decoded.
 
 use crate::allocations;
 use doorcam_source::image::{ImageDecoder, JpegDepth};

@@ -1,4 +1,4 @@
-//! What is done for every frame allocates nothing once it was done before.
+//! Per-frame work allocates nothing once it has been done before.
 
 mod jpeg;
 mod solver;
@@ -13,7 +13,7 @@ use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 #[global_allocator]
 static COUNTING: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
-/// Allocations, at least: the test runner's own thread may add some now and then, so the fewest of a few runs count.
+/// Fewest allocations of a few runs, since the test runner's own thread may add some now and then.
 fn allocations(mut f: impl FnMut()) -> usize {
     let once = |_| {
         let region = Region::new(COUNTING);
@@ -24,7 +24,7 @@ fn allocations(mut f: impl FnMut()) -> usize {
     (0..4).map(once).min().unwrap_or(0)
 }
 
-// One test: two at a time would count each other's.
+// A single test: two at a time would count each other's allocations.
 #[test]
 fn nothing_is_allocated_after_the_first_frames() {
     assert!(allocations(|| drop(std::hint::black_box(vec![1, 2, 3]))) > 0, "the counter counts");

@@ -1,7 +1,7 @@
-//! A frame's way from the difference measurement to the solution and its refit allocates nothing once it was gone before.
+//! From the difference to the solution and its refit, a frame allocates nothing once this path has been run before.
 //!
-//! What is made of the solution for others, the scene, the update and its JSON text, has vectors of its own for every frame:
-//! it is shared with everyone and outlives the frame.
+//! The results for others (scene, update and its JSON text) are new vectors for every frame: they are shared with all
+//! clients and outlive the frame.
 
 use crate::allocations;
 use crate::solver_problems::Problem;

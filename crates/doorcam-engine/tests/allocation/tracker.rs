@@ -1,10 +1,10 @@
-//! Following people allocates nothing once as many were followed before, unless two want the same detection.
+//! Tracking allocates nothing once as many people have been tracked before, unless two compete for the same detection.
 
 use crate::allocations;
 use doorcam_core::geometry::Room;
 use doorcam_core::tracking::{Detection, TrackState, Tracker, TrackerSettings};
 
-/// Four people on circles of their own; every second, a false alarm.
+/// Four people, each on a circle of their own, and a false alarm every second.
 fn seen(k: usize) -> Vec<Detection> {
     let t = k as f64 / 15.0;
     let at = |position| {

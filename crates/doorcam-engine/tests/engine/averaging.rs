@@ -1,4 +1,5 @@
-//! Frames averaged in time: fainter people show, an empty room shows nothing, and nothing is averaged across a change.
+//! Frames averaged over time: fainter people show, an empty room shows nothing, and nothing is averaged across a
+//! change.
 
 use crate::live_room::{Camera, change, lit, person, scenario, settings, states};
 use doorcam_core::light::Averaging;
@@ -34,7 +35,7 @@ fn noise_lambda(updates: &[Published]) -> f64 {
     all[all.len() / 2]
 }
 
-/// How strong a person, darker than the wall behind by a share of what it sends, must be to show in most frames.
+/// The least share by which a person must be darker than the wall behind to show in every frame of 1.5 s.
 fn faintest(camera: &mut Camera) -> f64 {
     let (dark, empty) = (camera.renderer.render(vec![person([0.2, 1.6])]), camera.renderer.empty().clone());
     let mut strength = 0.02;
@@ -43,7 +44,7 @@ fn faintest(camera: &mut Camera) -> f64 {
         let faint = blend(&empty, &mut values, strength);
         let updates = camera.look(&faint, 3.0);
         let late = &updates[updates.len() / 2..];
-        // Seen every time: then the background is not led astray by it either.
+        // Seen in every frame, so that the background does not follow it either.
         if late.iter().all(|u| lit(u) > 0) {
             camera.empty(4.0);
             return strength;
@@ -70,7 +71,7 @@ fn averages_show_fainter_people_and_nothing_in_an_empty_room() {
         learned(&mut camera);
         let empty = camera.empty(200.0);
         let wrong = empty.iter().filter(|u| lit(u) > 0).count();
-        // In steps of the noise: a smaller number means that less light is needed.
+        // In units of the noise: a smaller value means that less light is needed.
         let lambda = noise_lambda(&empty);
         let least = faintest(&mut camera);
         eprintln!(
@@ -80,7 +81,8 @@ fn averages_show_fainter_people_and_nothing_in_an_empty_room() {
         assert!(wrong <= 4, "{mode:?}: {wrong}");
         found.push(least);
     }
-    // Five frames averaged: noise falls by 2.2; what is measured of it, and the penalty that rests on it, cost a part.
+    // Averaging five frames lowers the noise by a factor of 2.2. Measuring it, and the penalty based on the
+    // measurement, cost a part of this.
     assert!(found[1] < 0.65 * found[0] && found[2] < 0.65 * found[0], "{found:?}");
 }
 
@@ -99,7 +101,7 @@ fn a_recordings_own_empty_frames_serve_averages_too() {
         let there = camera.renderer.render(vec![person([0.2, 1.3])]);
         assert!((0..5).any(|_| lit(&camera.see_as(&there, Purpose::Watch)) > 0));
     }
-    // A single one, of which no full average can be made.
+    // A single frame, from which no full average can be made.
     let mut camera = Camera::new(&scenario(0.4, 2.0), &averaging(Averaging::Boxcar, 0.5), 10.0);
     let empty = camera.renderer.empty().clone();
     camera.see_as(&empty, Purpose::Background);
@@ -111,12 +113,12 @@ fn a_change_of_light_and_a_gap_are_not_averaged_over() {
     for (mode, time_s) in [(Averaging::Boxcar, 1.0), (Averaging::Exponential, 0.7)] {
         let mut camera = Camera::new(&scenario(0.4, 2.0), &averaging(mode, time_s), 10.0);
         learned(&mut camera);
-        // Somebody who is gone after a gap is gone at once.
+        // Somebody who has left during a gap is gone at once.
         let there = camera.renderer.render(vec![Cylinder { radius_m: 0.25, ..person([0.1, 1.0]) }]);
         assert!(lit(camera.look(&there, 3.0).last().unwrap()) > 0, "{mode:?}");
         camera.frame += 30;
         assert_eq!(lit(&camera.empty(0.1)[0]), 0, "{mode:?}");
-        // Young averages are noisy, and λ knows it.
+        // Averages that are not full yet are noisy, and λ takes that into account.
         assert!(camera.empty(3.0).iter().all(|u| lit(u) == 0), "{mode:?}");
         let brighter = change(camera.renderer.empty(), |_, _, v| 1.2 * v);
         let updates = camera.look(&brighter, 20.0);

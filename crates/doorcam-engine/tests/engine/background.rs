@@ -1,4 +1,5 @@
-//! The rolling background over minutes of a simulated room: who stays on the map, what leaves it, and what the light may do.
+//! The rolling background over minutes of a simulated room: who stays on the map, what leaves it, and how the light may
+//! change.
 
 use crate::live_room;
 use crate::live_room::{Camera, lit, person, rooms, scenario, settings, states};
@@ -66,7 +67,7 @@ fn a_moved_chair_is_absorbed_in_time_and_at_once_when_asked() {
     eprintln!("absorbed after {} s", 30.0 + gone);
     assert!((36.0..44.0).contains(&gone), "{gone}");
     assert!(then[(4.0 * gone) as usize + 8..].iter().all(|u| lit(u) == 0 && u.update.state == State::Watching));
-    // It goes back; this time somebody asks.
+    // It goes back, and this time a reset is requested.
     let back = camera.empty(5.0);
     assert!(share_lit(&back) > 0.9);
     camera.engine.reset_background();
@@ -92,7 +93,7 @@ fn what_a_loop_shows_again_and_again_is_not_absorbed() {
     }
 }
 
-/// The same room with its walls lit otherwise: by a lamp at the left that is `factor` as bright.
+/// The same room with its walls lit differently, by a lamp at the left that is `factor` times as bright.
 fn other_lamp(scenario: &Scenario, factor: f64) -> Renderer {
     let mut scenario = scenario.clone();
     let of_lamp = [1.0, 0.7, 0.2, 0.4, 0.2];
@@ -108,7 +109,7 @@ fn a_lamp_that_drifts_slowly_is_followed() {
     camera.empty(15.0);
     let (from, to) = (camera.renderer.empty().clone(), other_lamp(&scenario, 2.0).empty().clone());
     let (mut shown, mut frames) = (0, 0);
-    // Twice as bright within the hour.
+    // Twice as bright within an hour.
     for k in 0..7200 {
         let share = k as f32 / 7200.0;
         let light = live_room::change(&from, |side, pixel, v| {
@@ -125,7 +126,7 @@ fn a_lamp_that_drifts_slowly_is_followed() {
     assert!(f64::from(u32::try_from(shown).unwrap()) < 0.01 * f64::from(frames));
 }
 
-/// Offline, and for the first map online: the mean of the frames that a recording names, and the problem made of them.
+/// Offline, and for the first map online: the mean of the frames that a recording names, and the problem built from it.
 #[test]
 fn given_frames_are_the_background_to_the_last_bit() {
     use std::sync::Arc;
@@ -183,8 +184,8 @@ fn given_frames_are_the_background_to_the_last_bit() {
     }
 }
 
-/// Prints what following the background costs a frame, and that setting the problem up anew does not hold frames up:
-/// `cargo test --release --test background -- --ignored --nocapture cost`
+/// Prints what following the background costs per frame, and that rebuilding the problem does not delay frames:
+/// `cargo test --release -p doorcam-engine --test engine -- --ignored --nocapture cost`
 #[test]
 #[ignore = "a measurement"]
 fn cost_of_a_frame() {

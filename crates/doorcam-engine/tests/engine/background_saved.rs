@@ -1,4 +1,4 @@
-//! A background outlives the run that learned it, as long as it is right.
+//! A saved background is used again after a restart, as long as it is valid.
 
 use crate::live_room::{Camera, change, lit, person, scenario, settings, states};
 use doorcam_engine::State;
@@ -12,7 +12,7 @@ fn a_restart_watches_at_once_where_nothing_has_changed() {
 
     let mut camera = start("exposure 10 ms");
     camera.empty(30.0);
-    // Saved when it is dropped.
+    // Dropping the camera saves the background.
     drop(camera);
     assert!(path.exists());
 
@@ -20,14 +20,14 @@ fn a_restart_watches_at_once_where_nothing_has_changed() {
     let there = camera.renderer.render(vec![person([0.2, 1.3])]);
     assert!(lit(&camera.see(&there)) > 0, "the first frame has a map");
     assert!(camera.empty(5.0).iter().all(|u| lit(u) == 0 && u.update.state == State::Watching));
-    // While the room is being learned anew, nothing is there that deserves saving.
+    // While the background is being learned anew, nothing is worth saving.
     let before = std::fs::read(&path).unwrap();
     camera.engine.reset_background();
     camera.empty(0.5);
     drop(camera);
     assert_eq!(std::fs::read(&path).unwrap(), before);
 
-    // Another exposure by its setting, another light, a damaged file.
+    // Another exposure setting, another light, a damaged file.
     assert_eq!(start("exposure 20 ms").empty(0.1)[0].update.state, State::Learning);
     let mut camera = start("exposure 10 ms");
     let brighter = change(camera.renderer.empty(), |_, _, v| 1.25 * v);

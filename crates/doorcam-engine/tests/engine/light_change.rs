@@ -1,4 +1,4 @@
-//! Lamps and exposure make the background be learned anew; people do not.
+//! Lamps and exposure steps make the background be learned anew; people do not.
 
 use crate::live_room::{Camera, change, lamp, lit, person, rooms, settings, states};
 use crate::reference;
@@ -18,7 +18,7 @@ fn lamp_renderer(scenario: &Scenario) -> Renderer {
     Renderer::new(&scenario)
 }
 
-/// The same room with a hidden lamp at the left `factor` as bright.
+/// The same room with a hidden lamp at the left that is `factor` times as bright.
 fn hidden_lamp(scenario: &Scenario, factor: f64) -> PatchPair {
     let mut scenario = scenario.clone();
     let of_lamp = [1.0, 0.7, 0.5, 0.5, 0.4];
@@ -70,7 +70,7 @@ fn a_lamp_or_an_exposure_step_is_relearned_within_seconds() {
                 assert!(relearning.map(lit).all(|n| n == 0), "{name}: a map while it is learned");
                 let last = &updates[updates.len() - fps as usize..];
                 assert!(last.iter().all(|u| u.update.state == State::Watching && lit(u) == 0), "{name}");
-                // Who comes in then is seen.
+                // Somebody who comes in then is seen.
                 let there = camera.renderer.render(vec![person([0.2, 1.3])]);
                 let there = change(&there, |side, k, v| {
                     let (p, k) = ((0..3).find(|&p| there.side(side).plane(p)[k] == v).unwrap_or(0), k);
@@ -90,7 +90,7 @@ fn people_are_no_change_of_the_light() {
             let mut camera = Camera::new(&scenario, &settings(), fps);
             camera.empty(13.0);
             let mut updates = Vec::new();
-            // In at the side, close past the door, a stop there, and out; slowly and in a hurry.
+            // In at the side, close past the door with a stop there, and out; slowly and in a hurry.
             for speed in [0.8, 2.0] {
                 updates.extend(camera.walk([-1.4, 1.5], [0.0, 0.4], speed));
                 let there = camera.renderer.render(vec![person([0.0, 0.4])]);
@@ -98,7 +98,7 @@ fn people_are_no_change_of_the_light() {
                 updates.extend(camera.walk([0.0, 0.4], [1.4, 1.0], speed));
                 updates.extend(camera.empty(2.0));
             }
-            // Two who stand close to the door and leave at a run.
+            // Two people come, stand close to the door, and leave at a run.
             let there = |x: f64| vec![person([-0.35 - x, 0.6]), person([0.3 + x, 0.7])];
             let steps = (1.2 / 2.0 * fps) as usize;
             let ways = [(0..=steps).rev().collect::<Vec<_>>(), vec![0; 4 * fps as usize], (0..=steps).collect()];
@@ -129,7 +129,7 @@ fn a_lamp_is_noticed_while_somebody_walks_and_they_are_not_learned() {
         }
         let noticed = states(&updates).iter().position(|s| *s == State::Relearning).expect("noticed");
         assert!((10..=20).contains(&noticed), "{room}: frame {noticed}");
-        // They have gone: nobody was learned.
+        // They have gone, and nobody was learned.
         camera.renderer = after;
         let then = camera.empty(6.0);
         let watching = states(&then).iter().position(|s| *s == State::Watching).expect("watching");

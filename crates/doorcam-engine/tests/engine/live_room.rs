@@ -1,5 +1,5 @@
 //! A camera that looks at a simulated doorway, frame by frame, with whatever happens in the room and to the light.
-// Each test file uses a part of it.
+// Each test file uses only parts of it.
 #![allow(dead_code)]
 
 use std::io::Cursor;
@@ -18,16 +18,16 @@ use doorcam_source::recording::{Layout, Manifest};
 use doorcam_source::{Purpose, RawFrame, RawImages};
 use jiff::Timestamp;
 
-/// A coarse grid and small patches are enough, and quick.
+/// Small patches are enough, and fast.
 pub const SIZE: usize = 32;
 
-/// The demo's room, as bright as the visible side or not, seen by a quieter camera than its patches' size asks for.
+/// The demo's room with this light of the visible side, its own light times `hidden`, and a quieter camera.
 pub fn scenario(visible: f64, hidden: f64) -> Scenario {
     let mut scenario = Scenario::demo();
     scenario.patch = PatchGrid { size: SIZE, ..scenario.patch };
     scenario.visible_light = [visible; 3];
     scenario.walls.iter_mut().for_each(|w| w.radiance = w.radiance.map(|v| v * hidden));
-    // As many electrons in the patch as the demo has, in a quarter of its pixels.
+    // As many electrons per patch as in the demo, in a quarter of the pixels.
     scenario.sensor = Sensor { full_scale_electrons: 320_000.0, read_electrons: 60.0 };
     scenario
 }
@@ -44,12 +44,12 @@ pub fn settings() -> Settings {
     settings
 }
 
-/// Somebody dark, as people are before a lit wall.
+/// A dark person, as people are in front of a lit wall.
 pub fn person([x, y]: Point) -> Cylinder {
     Cylinder { centre: [x, y], radius_m: 0.2, height_m: 1.8, radiance: [0.01, 0.012, 0.02] }
 }
 
-/// A camera, the engine behind it, and the time.
+/// A camera with the engine behind it, and its time.
 pub struct Camera {
     pub scenario: Scenario,
     pub renderer: Renderer,
@@ -77,7 +77,7 @@ impl Camera {
         self.frame as f64 / self.fps
     }
 
-    /// What the camera makes of this light next.
+    /// The update for the next frame, which shows this light.
     pub fn see(&mut self, light: &PatchPair) -> Published {
         self.see_as(light, Purpose::Live)
     }
@@ -88,18 +88,18 @@ impl Camera {
         self.engine.step(&frame, Timestamp::UNIX_EPOCH).expect("an update")
     }
 
-    /// The same light for some seconds.
+    /// The updates while this light stays for some seconds.
     pub fn look(&mut self, light: &PatchPair, seconds: f64) -> Vec<Published> {
         (0..(seconds * self.fps).round() as usize).map(|_| self.see(light)).collect()
     }
 
-    /// The empty room for some seconds.
+    /// The updates for some seconds of the empty room.
     pub fn empty(&mut self, seconds: f64) -> Vec<Published> {
         let light = self.renderer.empty().clone();
         self.look(&light, seconds)
     }
 
-    /// Somebody who walks from one place to another.
+    /// The updates while somebody walks from one place to another.
     pub fn walk(&mut self, from: Point, to: Point, speed_m_s: f64) -> Vec<Published> {
         let length = (to[0] - from[0]).hypot(to[1] - from[1]);
         let steps = (length / speed_m_s * self.fps).ceil() as usize;
@@ -128,12 +128,12 @@ pub fn manifest(doorway: Doorway, fov_m: f64) -> Manifest {
     }
 }
 
-/// As offline: the background is what is given and stays, and frames start from the empty map. Nobody is followed.
+/// As offline: the given background stays fixed, frames start from the empty map, and nobody is tracked.
 pub fn offline(settings: &Settings) -> Assembly {
     Assembly::new(settings.clone()).cold_starts().without_people()
 }
 
-/// An exposure of this light, encoded.
+/// A noisy frame of this light, encoded.
 pub fn raw_frame(sensor: &Sensor, light: &PatchPair, number: u64, seconds: f64, purpose: Purpose) -> RawFrame {
     let mut generator = Sensor::generator(1, number);
     let images = Side::BOTH.map(|side| {
@@ -155,7 +155,7 @@ pub fn raw_frame(sensor: &Sensor, light: &PatchPair, number: u64, seconds: f64, 
     }
 }
 
-/// Each value of a pair, changed.
+/// Applies a function to each value of a pair.
 pub fn change(pair: &PatchPair, mut f: impl FnMut(Side, usize, f32) -> f32) -> PatchPair {
     let mut out = pair.clone();
     for side in Side::BOTH {
@@ -166,7 +166,7 @@ pub fn change(pair: &PatchPair, mut f: impl FnMut(Side, usize, f32) -> f32) -> P
     out
 }
 
-/// Light of a lamp of the visible side at a place, `share` of the mean light on the patches.
+/// Adds the light of a lamp at a place on the visible side, `share` of the mean light on the patches.
 pub fn lamp(scenario: &Scenario, light: &PatchPair, [x, y, z]: [f64; 3], share: f64) -> PatchPair {
     let strength = |[px, py]: Point| z / ((px - x).powi(2) + (py - y).powi(2) + z * z).powf(1.5);
     let middle = strength([0.0, -scenario.doorway.wall_thickness_m - scenario.patch.fov_m / 2.0]);

@@ -1,4 +1,4 @@
-//! The way of a frame, in rooms whose truth is known.
+//! The path of a frame, in rooms whose truth is known.
 
 mod live_room;
 #[path = "../../../../tests/reference/mod.rs"]

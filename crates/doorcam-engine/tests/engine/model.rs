@@ -1,4 +1,4 @@
-//! Properties of the whole way from patch pairs to a map, in memory: what must not change a map, and what must.
+//! Properties of the whole path from patch pairs to a map, in memory: what must not change a map, and what must.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use doorcam_engine::simulation::luminous::{Renderer, Scenario, Sensor};
 use doorcam_engine::{Model, Problem, Reconstruction, Reconstructor};
 use rand_distr::{Distribution, StandardNormal};
 
-/// The demo's room behind the narrowest door, so that the grid is the published one.
+/// The demo's room behind the narrowest door, for which the grid is the published one.
 struct Room {
     scenario: Scenario,
     renderer: Renderer,
@@ -30,7 +30,7 @@ impl Room {
         Arc::new(Model::new(settings, self.scenario.doorway, self.scenario.patch, None).unwrap())
     }
 
-    /// What the camera makes of light: frames of one seed have different noise.
+    /// A camera frame of this light; frames of one seed have different noise.
     fn expose(&self, light: &PatchPair, seed: u64, frame: u64) -> PatchPair {
         let mut generator = Sensor::generator(seed, frame);
         let mut pair = light.clone();
@@ -48,7 +48,7 @@ impl Room {
         (0..count).map(|frame| self.expose(light, seed, frame)).collect()
     }
 
-    /// The change that somebody off the grid makes, without noise.
+    /// The change that a person off the grid makes, without noise.
     fn person(&self, [x, y]: Point, radiance: [f64; 3]) -> PatchPair {
         let body = Cylinder { centre: [x, y], radius_m: 0.2, height_m: 1.8, radiance };
         combine(&self.renderer.render(vec![body]), self.renderer.empty(), |there, empty| there - empty)
@@ -59,14 +59,14 @@ const RED: [f64; 3] = [0.3, 0.1, 0.08];
 /// Darker than every wall.
 const BLACK: [f64; 3] = [0.005, 0.005, 0.01];
 const SOMEWHERE: Point = [0.23, 1.37];
-/// Light of the visible side that is taken from the demo's 0.8 where frames become brighter, so that they do not saturate.
+/// Light taken from the visible side's 0.8 of the demo, so that frames can become brighter without saturating.
 const DIMMED: f32 = 0.3;
 
-/// Two cells of the grid, in degrees of the bearing at either edge: the doorway is too narrow to tell a faint person's
+/// Two grid cells, in degrees of the bearing at either edge: the doorway is too narrow to locate a faint person's
 /// distance much better.
 const CLOSE: f64 = 8.0;
 
-/// Each value of a pair with the one of another.
+/// Combines each value of one pair with that of another.
 fn combine(a: &PatchPair, b: &PatchPair, f: impl Fn(f32, f32) -> f32) -> PatchPair {
     let mut out = a.clone();
     for side in Side::BOTH {
@@ -100,7 +100,7 @@ fn lit(intensities: &[Intensity]) -> Vec<usize> {
     (0..intensities.len()).filter(|&n| intensities[n].left != 0.0 || intensities[n].right != 0.0).collect()
 }
 
-/// Requires the same facets, and on each the same light to 1e-3 of the strongest, `scale` times as strong.
+/// Requires the same facets with the same light times `scale`, to 1e-3 of the strongest.
 fn assert_same(found: &[Intensity], expected: &[Intensity], scale: f64, what: &str) {
     assert!(!lit(expected).is_empty(), "{what}: nothing is lit");
     assert_eq!(lit(found), lit(expected), "{what}");
@@ -115,8 +115,8 @@ fn assert_same(found: &[Intensity], expected: &[Intensity], scale: f64, what: &s
     }
 }
 
-/// How far the strongest facet's bearings are from those of a point, in degrees, the farther of the two edges'; none without
-/// facets.
+/// How far the strongest facet's bearings are from those of a point, in degrees: the larger of both edges'. None if no
+/// facet is lit.
 fn degrees_away(room: &Room, model: &Model, found: &[Intensity], from: Point) -> Option<f64> {
     let strength = |n: &usize| found[*n].left.min(found[*n].right);
     let strongest = lit(found).into_iter().max_by(|a, b| strength(a).total_cmp(&strength(b)))?;
@@ -129,7 +129,7 @@ fn middle(facet: &Facet) -> Point {
     [0, 1].map(|k| (facet.from[k] + facet.to[k]) / 2.0)
 }
 
-/// Exactly: the frames differ by f32 rounding alone.
+/// Exactly, because the frames differ only by f32 rounding.
 #[test]
 fn a_gain_of_the_camera_does_not_change_the_map() {
     let room = Room::new();
@@ -158,10 +158,10 @@ fn a_gain_of_the_camera_does_not_change_the_map() {
 
 #[test]
 fn the_gain_is_reported_with_and_without_somebody_in_the_room() {
-    /// Four standard deviations of a picture's share in a frame with this noise.
+    /// Four standard deviations of the own picture's share in a frame with this noise.
     const NOISE: f64 = 5e-4;
-    /// What the facets, as bright as measured, leave of a person's light, who changes the floor's by up to 9 percent: the
-    /// light of neighbours is not refitted one by one, so that up to a fifteenth of it counts as gain.
+    /// What the facets, as bright as measured, leave of a person's light, which changes the floor's by up to 9 percent.
+    /// Neighbours' light is not refitted one by one, so up to a fifteenth of it counts as gain.
     const LEFT: f64 = 6e-3;
 
     let room = Room::new();
@@ -190,10 +190,10 @@ fn the_gain_is_reported_with_and_without_somebody_in_the_room() {
     assert_eq!(map(&mut published, &dimmed).gain, None);
 }
 
-/// As a camera takes them: the noise is the frame's own, and of its own brightness.
+/// As from a camera: each frame has noise of its own, according to its own brightness.
 #[test]
 fn exposure_steps_of_an_empty_room_show_nothing_whether_or_not_a_lamp_drifts() {
-    /// A lamp that is brighter far from the wall, at full strength there.
+    /// Light of a lamp that is brighter farther from the wall; at full strength, at the far side of the patch.
     const LAMP: f32 = 0.02;
 
     let room = Room::new();
@@ -240,7 +240,7 @@ fn a_mirrored_room_gives_the_mirrored_map() {
     }
 
     let room = Room::new();
-    // Noise is drawn to choose λ automatically, and the draws are not mirrored.
+    // Choosing λ automatically draws noise, and the draws are not mirrored.
     let mut settings = Settings::default();
     settings.solver.lambda = Lambda::Fixed(20.0);
     let model = room.model(&settings);
@@ -293,7 +293,7 @@ fn a_value_that_is_no_number_is_refused_with_its_place_and_the_next_frame_is_fin
     let error = reconstructor.reconstruct(&broken).unwrap_err().to_string();
     assert_eq!(error, "right patch, row 30, column 7: the green value is not a finite number");
     assert_eq!(map(&mut reconstructor, &frame).solution, before);
-    // At the foot of the edge no pixel counts.
+    // Pixels at the foot of the edge do not count.
     let mut foot = frame.clone();
     assert!(!model.counted[0][32]);
     foot.left.plane_mut(0)[32] = f32::NAN;
@@ -315,14 +315,14 @@ fn a_change_and_a_lambda_three_times_as_large_make_a_map_three_times_as_strong()
     assert_same(&solve(3.0), &solve(1.0), 3.0, "three times");
 }
 
-/// Several backgrounds, because the noise that is left in one is the same in all frames.
+/// With several backgrounds, because a background's remaining noise is the same in all its frames.
 #[test]
 fn an_empty_room_stays_empty_and_a_faint_person_is_found() {
-    /// Frames of the empty room learned.
+    /// Frames of the empty room that are learned, for each background.
     const LEARNED: [u64; 6] = [10, 10, 15, 20, 30, 30];
-    /// Frames looked at, for each.
+    /// Frames of the empty room that are watched, for each background.
     const FRAMES: u64 = 520;
-    /// How much stronger than what just shows: the dual norm of the noiseless change over the least λ.
+    /// How much stronger than just visible the person is: dual norm of the noiseless change over the least λ.
     const FAINT: f64 = 3.0;
 
     let room = Room::new();
@@ -361,14 +361,14 @@ fn an_empty_room_stays_empty_and_a_faint_person_is_found() {
     assert_eq!(missed, 0);
 }
 
-/// A floor with a speckle of its own, in the light of an empty room of which the visible side's is dimmed.
+/// A floor with its own speckle, in the light of an empty room with dimmed visible side.
 struct SpeckledFloor {
     albedo: PatchPair,
     light: PatchPair,
 }
 
 impl SpeckledFloor {
-    /// With white speckle of this standard deviation, pixel by pixel.
+    /// A floor with white speckle of this standard deviation per pixel.
     fn new(room: &Room, seed: u64, texture: f32) -> Self {
         let mut generator = Sensor::generator(seed, u64::MAX);
         let mut albedo = PatchPair::zeros(64);
@@ -381,14 +381,14 @@ impl SpeckledFloor {
         Self { albedo, light: combine(room.renderer.empty(), room.renderer.empty(), |light, _| light - DIMMED) }
     }
 
-    /// What the camera sees when a lamp of the visible side adds even light, and `change` comes from the room.
+    /// What the camera sees if a lamp of the visible side adds even light, and `change` comes from the room.
     fn lighted(&self, lamp: f32, change: &PatchPair) -> PatchPair {
         let light = combine(&self.light, change, |light, change| light + lamp + change);
         combine(&light, &self.albedo, |light, albedo| light * albedo)
     }
 }
 
-/// A fifth of what the visible side's light is once dimmed.
+/// A fifth of the visible side's dimmed light.
 const LAMP: f32 = 0.1;
 
 #[test]
@@ -428,7 +428,7 @@ fn a_person_is_found_on_a_speckled_floor_while_a_lamp_has_changed() {
     }
 }
 
-/// A changed lamp raises λ; an exposure step, noise and a person do not.
+/// A changed lamp raises λ; exposure steps, noise and people do not.
 #[test]
 fn only_a_change_of_even_light_costs_sensitivity() {
     let room = Room::new();

@@ -1,4 +1,4 @@
-//! Rectified patches against the floor that the rendered recordings show.
+//! Rectified patches compared with the floor that the rendered recordings show.
 
 use crate::reference;
 use std::ops::Range;
@@ -13,8 +13,8 @@ use doorcam_engine::Settings;
 use doorcam_source::recording::{Files, Recording};
 use doorcam_source::{RawFrame, RawImages};
 
-/// The floor along the wall as it was rendered: linear light in squares of 5 mm, row 0 at the wall, column 0 the smallest x,
-/// 0.2 m beyond either edge and 0.3 m deep.
+/// The rendered floor along the wall: linear light in squares of 5 mm, row 0 at the wall, column 0 at the smallest x,
+/// extending 0.2 m beyond either edge and 0.3 m from the wall.
 struct Strip {
     rows: usize,
     columns: usize,
@@ -22,7 +22,7 @@ struct Strip {
 }
 
 impl Strip {
-    /// The empty room's.
+    /// The strip of the empty room.
     fn read(file: &Path) -> Self {
         let (shape, hidden) = reference::npz_f32(file, "hidden_empty");
         let (_, visible) = reference::npz_f32(file, "visible");
@@ -30,7 +30,7 @@ impl Strip {
         Self { rows: shape[0], columns: shape[1], light }
     }
 
-    /// Light at a place, given in squares from the strip's corner: bilinear between the squares' middles.
+    /// Light at a place in squares from the strip's corner, bilinear between the squares' centres.
     fn at(&self, row: f64, column: f64, channel: usize) -> f64 {
         let split = |at: f64, n: usize| {
             let at = (at - 0.5).clamp(0.0, (n - 1) as f64);
@@ -43,7 +43,7 @@ impl Strip {
             + a * ((1.0 - b) * value(i + 1, j) + b * value(i + 1, j + 1))
     }
 
-    /// Its mean over a patch pixel's square of floor.
+    /// Mean light over a patch pixel's square of floor.
     fn mean(&self, doorway: &Doorway, patch: &PatchGrid, side: Side, k: usize, channel: usize) -> f64 {
         const FINE: usize = 8;
         let [x, y] = patch.point(doorway, side, k / patch.size, k % patch.size);
@@ -62,7 +62,7 @@ impl Strip {
 /// Red, green and blue per side and pixel.
 type Pair = [Vec<[f64; 3]>; 2];
 
-/// The mean of a recording's frames of the empty room, which have noise and JPEG's rounding: of these little is left.
+/// The mean of a recording's frames of the empty room, in which little of their noise and JPEG's rounding is left.
 fn empty_room(recording: &Recording, reader: &mut FrameReader) -> Pair {
     let [first, end] = recording.manifest.background_frames.expect("frames of the empty room");
     let patch = reader.patch();
@@ -109,11 +109,12 @@ fn patches_agree_with_the_rendered_floor() {
             let light = |k, channel| strip.mean(&recording.manifest.doorway, &patch, side, k, channel);
             (0..patch.pixels()).map(|k| [0, 1, 2].map(|channel| light(k, channel))).collect()
         });
-        // The images are exposed by one factor for all colours.
+        // The images are exposed with one factor for all colours.
         let sum = |pair: &Pair| pair.iter().flatten().flatten().sum::<f64>();
         let exposure = sum(&got) / sum(&truth);
         let level = sum(&got) / (6 * patch.pixels()) as f64;
-        // D3's floor is speckled and its strip is not: there only the colours can be compared, whose mean tells the speckle.
+        // D3's floor is speckled but its strip is not, so only its colours can be compared; their mean gives the
+        // speckle.
         let speckled = name == "D3";
         let off: Pair = [0, 1].map(|s| {
             let off = |(got, truth): (&[f64; 3], &[f64; 3])| {

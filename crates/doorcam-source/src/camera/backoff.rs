@@ -3,8 +3,8 @@ use std::time::Duration;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// Delays between attempts: doubled up to a cap, the upper half random, so that many who wait for the same thing do not come
-/// together.
+/// Delays between attempts: doubled up to a cap, then drawn from the upper half, so that several programs that wait for
+/// the same thing do not retry at the same time.
 #[derive(Debug, Clone)]
 pub struct Backoff {
     first: Duration,
@@ -14,7 +14,7 @@ pub struct Backoff {
 }
 
 impl Backoff {
-    /// From `first` to `longest`; `seed` makes it different from its neighbours'.
+    /// Delays from `first` to `longest`; `seed` makes their random part differ from that of other programs.
     pub fn new(first: Duration, longest: Duration, seed: u64) -> Self {
         Self { first, longest, attempt: 0, random: ChaCha8Rng::seed_from_u64(seed) }
     }
@@ -27,7 +27,7 @@ impl Backoff {
         whole.mul_f64(0.5 + 0.5 * share)
     }
 
-    /// All is well again: the next delay is the first one.
+    /// Starts over: the next delay is the first one.
     pub fn reset(&mut self) {
         self.attempt = 0;
     }

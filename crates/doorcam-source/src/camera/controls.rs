@@ -6,22 +6,22 @@ use serde::{Deserialize, Serialize};
 
 /// What to do with one of a camera's controls.
 ///
-/// A camera that adjusts itself changes the whole picture by more than a person does: automatics are switched off unless
-/// asked for.
+/// A camera that adjusts itself changes the whole picture by more than a person does, so automatics are switched off
+/// unless requested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "SettingText", into = "SettingText")]
 pub enum Setting {
     /// The automatic finds a value and is then switched off.
     Lock,
-    /// The automatic goes on.
+    /// The automatic stays on.
     Auto,
-    /// As it is found.
+    /// The control is left as it is.
     Leave,
     /// This value, in the driver's units.
     Value(i64),
 }
 
-/// A setting as it stands in a file.
+/// A setting as written in a file.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
 enum SettingText {
@@ -50,13 +50,15 @@ impl TryFrom<SettingText> for Setting {
                 "lock" => Ok(Self::Lock),
                 "auto" => Ok(Self::Auto),
                 "leave" => Ok(Self::Leave),
-                _ => Err(format!("\"{word}\" is no setting, expected \"lock\", \"auto\", \"leave\" or a whole number")),
+                _ => Err(format!(
+                    "\"{word}\" is not a setting, expected \"lock\", \"auto\", \"leave\" or a whole number"
+                )),
             },
         }
     }
 }
 
-/// What to do with each control that matters here.
+/// What to do with each control that affects the measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ControlSettings {
     /// Exposure time, in units of 100 µs.
@@ -65,9 +67,9 @@ pub struct ControlSettings {
     pub gain: Setting,
     /// White balance, in kelvin.
     pub white_balance: Setting,
-    /// Focus, in the driver's units: a lens that hunts moves the picture.
+    /// Focus, in the driver's units: a lens that hunts for focus shifts the picture.
     pub focus: Setting,
-    /// Mains frequency that the exposure avoids to beat with: 0 (off), 1 (50 Hz), 2 (60 Hz).
+    /// Mains frequency whose flicker the exposure avoids: 0 (off), 1 (50 Hz), 2 (60 Hz).
     pub power_line: Setting,
     /// How long automatics run before they are locked.
     pub settle: Duration,
@@ -78,7 +80,7 @@ struct Knob {
     name: &'static str,
     value: u32,
     automatic: Option<Automatic>,
-    /// Of the settings, which one is meant.
+    /// Selects the setting of this control.
     setting: fn(&ControlSettings) -> Setting,
 }
 
@@ -86,7 +88,7 @@ struct Automatic {
     id: u32,
     off: i64,
     on: i64,
-    /// Others that must be off with it.
+    /// Another automatic that must be off as well.
     also_off: Option<u32>,
 }
 
@@ -94,7 +96,8 @@ const KNOBS: [Knob; 5] = [
     Knob {
         name: "exposure",
         value: 0x009a_0902,
-        // 1 is manual, 3 aperture priority, which is what webcams call automatic. The third lets the camera lower its rate.
+        // 1 is manual, 3 aperture priority, which is what webcams call automatic. 0x009a_0903 (exposure_auto_priority)
+        // lets the camera lower its frame rate.
         automatic: Some(Automatic { id: 0x009a_0901, off: 1, on: 3, also_off: Some(0x009a_0903) }),
         setting: |s| s.exposure,
     },
@@ -119,23 +122,23 @@ const KNOBS: [Knob; 5] = [
     Knob { name: "power_line", value: 0x0098_0918, automatic: None, setting: |s| s.power_line },
 ];
 
-/// The controls of a camera, as a driver has them.
+/// Access to a camera's controls.
 pub(crate) trait Controls {
     fn get(&self, id: u32) -> io::Result<i64>;
     fn set(&self, id: u32, value: i64) -> io::Result<()>;
 }
 
-/// What was asked for and how the camera keeps to it.
+/// The state of the controls after [`keep`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Kept {
     /// Values by name, as last read.
     pub(crate) values: BTreeMap<&'static str, i64>,
-    /// One line for each control that is not as asked.
+    /// One line for each control that does not have the requested value.
     pub(crate) mismatches: Vec<String>,
 }
 
-/// Brings the controls to what is asked and reads them back. What the automatics have found is looked up in `locked`, and
-/// put there once `settled`.
+/// Sets the controls as requested and reads them back. Values that automatics have found are taken from `locked`, and
+/// stored there once `settled`.
 pub(crate) fn keep(
     camera: &impl Controls,
     settings: &ControlSettings,
@@ -164,7 +167,7 @@ fn keep_one(
     let wanted = match setting {
         Setting::Leave => return Ok(()),
         Setting::Auto => {
-            // A control without an automatic cannot run by itself: nothing to complain of.
+            // A control that has no automatic is not a mismatch.
             if let Some(automatic) = &knob.automatic
                 && camera.get(automatic.id).is_ok()
             {
@@ -184,7 +187,7 @@ fn keep_one(
                 locked.insert(knob.name.to_owned(), found);
                 found
             }
-            // Not there, or not settled yet.
+            // The control does not exist, or has not settled yet.
             _ => return if settled { switch_off(camera, knob) } else { Ok(()) },
         },
     };
@@ -208,7 +211,7 @@ fn bring(camera: &impl Controls, name: &str, id: u32, wanted: i64) -> Result<(),
     if read()? == wanted {
         return Ok(());
     }
-    // Whether it was accepted shows in what is read back.
+    // The value read back decides: a driver may accept a value without taking it.
     let answer = camera.set(id, wanted);
     match (read()?, answer) {
         (value, _) if value == wanted => Ok(()),
@@ -227,7 +230,7 @@ mod tests {
     const EXPOSURE_AUTO: u32 = 0x009a_0901;
     const GAIN: u32 = 0x0098_0913;
 
-    /// Controls with a range, some of which an automatic holds.
+    /// Controls with a range; the exposure cannot be set while its automatic is on.
     struct Camera(RefCell<BTreeMap<u32, i64>>);
 
     impl Camera {
@@ -310,7 +313,7 @@ mod tests {
         assert_eq!(read("\"lock\""), Ok(Setting::Lock));
         assert_eq!(read("156"), Ok(Setting::Value(156)));
         assert!(
-            read("\"loud\"").unwrap_err().contains("\"loud\" is no setting, expected \"lock\", \"auto\", \"leave\"")
+            read("\"loud\"").unwrap_err().contains("\"loud\" is not a setting, expected \"lock\", \"auto\", \"leave\"")
         );
     }
 }

@@ -4,8 +4,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
-/// What a camera's automatics had found when they were switched off, by the control's name: set again after a replug and, if
-/// there is a file for it, after a restart, so that the picture of the empty room goes on to hold.
+/// The values that a camera's automatics had found when they were switched off, by control name. They are set again
+/// after a replug and, if there is a file for them, after a restart, so that the background stays valid.
 #[derive(Debug, Default)]
 pub struct Locked {
     file: Option<PathBuf>,
@@ -19,12 +19,12 @@ struct Kept {
 }
 
 impl Locked {
-    /// Kept in `file`, and read from it if it is there.
+    /// Values are kept in `file`, if given, and read from it if it exists.
     pub fn new(file: Option<PathBuf>) -> Self {
         let kept = file.as_deref().and_then(|file| match std::fs::read(file) {
             Ok(bytes) => serde_json::from_slice(&bytes)
                 .inspect_err(|e| {
-                    tracing::warn!("{}: locked controls cannot be read, they are found anew: {e}", file.display())
+                    tracing::warn!("{}: locked controls cannot be read and will be found anew: {e}", file.display())
                 })
                 .ok(),
             Err(_) => None,
@@ -32,7 +32,7 @@ impl Locked {
         Self { file, kept: Mutex::new(kept.unwrap_or_default()) }
     }
 
-    /// Lets `work` use and change the values of the camera called `card`: another camera's do not count.
+    /// Lets `work` read and change the values of the camera called `card`. Another camera's values are discarded.
     pub fn with<T>(&self, card: &str, work: impl FnOnce(&mut BTreeMap<String, i64>) -> T) -> T {
         let mut kept = self.lock();
         let before = kept.clone();
@@ -43,12 +43,12 @@ impl Locked {
         if let Some(file) = self.file.as_deref().filter(|_| *kept != before && !kept.controls.is_empty())
             && let Err(e) = write(file, &kept)
         {
-            tracing::warn!("{}: locked controls cannot be kept: {e}", file.display());
+            tracing::warn!("{}: locked controls cannot be saved: {e}", file.display());
         }
         result
     }
 
-    /// In words that change when a value does.
+    /// The values as text, to tell whether they have changed.
     pub fn words(&self) -> String {
         format!("{:?}", *self.lock())
     }

@@ -1,6 +1,6 @@
-//! A camera that comes and goes: opened, watched over, and opened again for as long as the program runs.
+//! Cameras that may come and go: opened, supervised and reopened for as long as the program runs.
 //!
-//! What a driver does is behind two small traits, so that tests can put a camera in that does whatever they need.
+//! The driver is behind two small traits, [`Opener`] and [`Session`], so that tests can simulate any camera.
 
 mod backoff;
 #[cfg_attr(not(feature = "v4l2"), allow(dead_code))]
@@ -20,54 +20,63 @@ pub use supervisor::Supervisor;
 
 use super::{Granted, RawFrame, SkippedFrame};
 
-/// What a camera is asked for.
+/// What is requested of a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraOptions {
     /// Formats, size and rate.
     pub wish: Wish,
     /// Exposure, gain, white balance and the like.
     pub controls: ControlSettings,
-    /// Whether frames that are older than the newest one at the time they are looked at are left out.
+    /// Whether frames that are no longer the newest when they are fetched are dropped.
     pub newest_only: bool,
 }
 
-/// What can be opened to give frames, again and again.
+/// A camera that can be opened, repeatedly.
 pub trait Opener: Send {
     /// An open camera.
     type Session: Session;
 
-    /// Opens it, agrees on a format and starts the frames.
+    /// Opens the camera, negotiates a format and starts streaming.
+    ///
+    /// # Errors
+    /// If the camera is absent or cannot be used now.
     fn open(&mut self) -> Result<Self::Session, Fault>;
 
-    /// What to call it.
+    /// The camera's name in messages.
     fn name(&self) -> &str;
 }
 
-/// An open camera whose frames come.
+/// An open, streaming camera.
 pub trait Session: Send {
     /// What the camera granted.
     fn granted(&self) -> &Granted;
 
-    /// Waits at most `wait` for a frame; none if there was none.
+    /// Waits at most `wait` for a frame; none if none arrived.
+    ///
+    /// # Errors
+    /// If the camera is gone or has failed.
     fn next(&mut self, wait: Duration) -> Result<Option<Capture>, Fault>;
 
-    /// Looks whether the controls still have the values that were asked for, and puts them right; true if what
-    /// [`Session::granted`] says has changed.
+    /// Checks that the controls still have the requested values, and sets those that do not; true if what
+    /// [`Session::granted`] returns has changed.
+    ///
+    /// # Errors
+    /// If the camera is gone or has failed.
     fn recheck(&mut self) -> Result<bool, Fault>;
 }
 
-/// What the driver handed over at one time.
+/// A frame as fetched from the driver.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Capture {
-    /// The newest frame, or why it is no frame.
+    /// The newest frame, or why it is unusable.
     pub frame: Result<RawFrame, SkippedFrame>,
-    /// Frames that the camera made before this one and that never arrived, by its numbering.
+    /// Number of frames that the camera made before this one, by its numbering, but that never arrived.
     pub lost: u64,
-    /// Frames that arrived but were older than this one when they were looked at.
+    /// Number of frames that arrived before this one but were no longer the newest when they were fetched.
     pub superseded: u64,
 }
 
-/// Why a camera gives no frames: one line that says what can be done about it.
+/// Why a camera delivers no frames, in one line that says what can be done about it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}")]
 pub struct Fault {
@@ -82,7 +91,7 @@ pub struct Fault {
 pub enum FaultKind {
     /// It is not: unplugged, or not plugged in yet.
     Absent,
-    /// It is, and cannot be used now.
+    /// It is, but cannot be used now.
     Unusable,
 }
 

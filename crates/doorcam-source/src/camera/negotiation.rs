@@ -3,7 +3,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// A pixel format that doorcam decodes, by its V4L2 code.
+/// A pixel format that doorcam decodes, named by its V4L2 code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "UPPERCASE")]
@@ -12,16 +12,16 @@ pub enum PixelFormat {
     Yuyv,
     /// 4:2:0, two planes.
     Nv12,
-    /// 24 bits.
+    /// Red, green and blue, 24 bits a pixel.
     Rgb3,
-    /// Luma alone.
+    /// Luma only.
     Grey,
-    /// A JPEG a frame.
+    /// One JPEG per frame.
     Mjpg,
 }
 
 impl PixelFormat {
-    /// Every one, the most faithful first: a JPEG's quantisation costs as much as a far person changes.
+    /// All formats, the most faithful first: a JPEG's quantisation error is as large as the change due to a far person.
     pub const ALL: [Self; 5] = [Self::Yuyv, Self::Nv12, Self::Rgb3, Self::Grey, Self::Mjpg];
 
     /// The V4L2 code.
@@ -62,7 +62,7 @@ impl FromStr for PixelFormat {
     }
 }
 
-/// What a camera is asked for: it need not have it.
+/// The mode requested of a camera, which need not have it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wish {
     /// Width and height, in pixels.
@@ -73,22 +73,22 @@ pub struct Wish {
     pub formats: Vec<PixelFormat>,
 }
 
-/// Something that a camera offers.
+/// A mode that a camera offers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Offer {
     pub(crate) format: PixelFormat,
     pub(crate) size: [u32; 2],
-    /// The highest rate; none if the driver does not tell.
+    /// The highest rate, in frames a second; none if the driver does not report it.
     pub(crate) fps: Option<f64>,
 }
 
-/// A rate this much below the one asked for is as good: drivers round.
+/// A rate of at least this share of the requested one counts as reached: drivers round.
 const ROUNDING: f64 = 0.98;
 
-/// Offers, the best first: by size, then by whether the rate is reached, then by format.
+/// Usable offers, the best first: by size, then by how nearly the rate is reached, then by format.
 ///
-/// A calibration is for one size, so the size comes first; the rate comes before the format, because what is faithful but
-/// comes twice a second loses people.
+/// A calibration is for one size, so the size comes first. The rate comes before the format because a faithful format
+/// loses people if it has only two frames a second.
 pub(crate) fn ranked(wish: &Wish, offers: &[Offer]) -> Vec<Offer> {
     let place = |offer: &Offer| wish.formats.iter().position(|&format| format == offer.format);
     let area = |[w, h]: [u32; 2]| f64::from(w.max(1)) * f64::from(h.max(1));
@@ -115,7 +115,7 @@ mod tests {
         Offer { format, size, fps: Some(fps) }
     }
 
-    /// What a usual webcam offers: raw at a low rate where there are many pixels.
+    /// The offers of a typical webcam: raw pixels only at a low rate for large pictures.
     fn webcam() -> Vec<Offer> {
         use PixelFormat::{Mjpg, Yuyv};
         vec![

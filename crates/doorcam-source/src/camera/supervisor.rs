@@ -5,39 +5,39 @@ use std::time::Duration;
 use super::{Backoff, Capture, Fault, FaultKind, Opener, Session};
 use crate::{Clock, Condition, Granted, Source, SourceEvent, SourceState};
 
-/// Longest wait before the caller has a chance to end.
+/// Longest wait in one call, after which the caller can check whether to stop.
 const TICK: Duration = Duration::from_millis(200);
-/// Delays between attempts to open a camera that is there.
+/// First and longest delay between attempts to open a camera that is present.
 const RETRY: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(2)];
-/// How often to look whether an absent camera is back.
+/// How often to check whether an absent camera is back.
 const PROBE: Duration = Duration::from_millis(300);
-/// How often a session may look at its controls.
+/// How often a session may check its controls.
 const RECHECK: Duration = Duration::from_secs(1);
 /// A camera that just started may take this long for its first frame.
 const FIRST_FRAME: Duration = Duration::from_millis(1800);
-/// So many frame periods without a frame are a stall, and at least a second.
+/// A stall is this many frame periods without a frame, but at least a second.
 const STALL_PERIODS: f64 = 5.0;
-/// A stalled camera is closed and opened again after this many times what made it count as stalled.
+/// A stalled camera is closed and reopened after this many times the limit that made it count as stalled.
 const REOPEN_AFTER: u32 = 3;
 
-/// Frames of a camera for as long as the program runs, whatever happens to the camera: no fault of it ends the source.
+/// Delivers a camera's frames for as long as the program runs: no fault of the camera ends the source.
 pub struct Supervisor<O: Opener, C> {
     opener: O,
     clock: C,
     session: Option<O::Session>,
-    /// Events that were found together with the one given before.
+    /// Events that arose together with the one returned last.
     pending: VecDeque<SourceEvent>,
     condition: Condition,
     backoff: Backoff,
     retry_at: Duration,
-    /// Of the last good frame, or of opening.
+    /// Time of the last good frame, or of opening.
     alive_at: Duration,
     recheck_at: Duration,
     patience: Duration,
 }
 
 impl<O: Opener, C: Clock> Supervisor<O, C> {
-    /// Nothing is opened before the first [`Source::next`]. `seed` spreads the attempts of several daemons in time.
+    /// The camera is opened by the first [`Source::next`]. `seed` spreads the attempts of several daemons in time.
     pub fn new(opener: O, clock: C, seed: u64) -> Self {
         let now = clock.now();
         Self {
@@ -68,7 +68,7 @@ impl<O: Opener, C: Clock> Supervisor<O, C> {
                 self.alive_at = self.clock.now();
                 self.recheck_at = self.alive_at + RECHECK;
                 self.patience = FIRST_FRAME;
-                // A camera that stalled and was opened again has not given a frame yet.
+                // A camera that is reopened after a stall stays stalled until it delivers a frame.
                 let state = match self.condition.state {
                     SourceState::Stalled => SourceState::Stalled,
                     _ => SourceState::Opening,
@@ -93,7 +93,7 @@ impl<O: Opener, C: Clock> Supervisor<O, C> {
 
     fn close(&mut self) {
         if let Some(session) = self.session.take() {
-            // A driver library may panic on what a dying device answers to being stopped; the device is closed all the same.
+            // The v4l crate may panic when a dying device cannot be stopped; the device is closed all the same.
             let _ = guarded(move || {
                 drop(session);
                 Ok(())
@@ -125,12 +125,12 @@ impl<O: Opener, C: Clock> Supervisor<O, C> {
         self.pending.pop_front().unwrap_or(SourceEvent::Nothing)
     }
 
-    /// No frame came: is that too long by now?
+    /// Reports a stall if no good frame has come for too long, and closes the camera for a restart if it goes on.
     fn wanting(&mut self) -> SourceEvent {
         let silent = self.clock.now().saturating_sub(self.alive_at);
         let name = self.opener.name();
         if silent >= self.patience * REOPEN_AFTER {
-            // What the driver cannot do by itself a new start may.
+            // A restart may recover what the driver cannot.
             self.close();
             self.retry_at = self.clock.now();
             return SourceEvent::Nothing;
@@ -143,7 +143,7 @@ impl<O: Opener, C: Clock> Supervisor<O, C> {
         SourceEvent::Nothing
     }
 
-    /// Tells of a condition, once.
+    /// Reports a condition unless it is the current one.
     fn now_is(&mut self, condition: Condition) -> SourceEvent {
         if self.condition == condition {
             return SourceEvent::Nothing;
@@ -179,7 +179,7 @@ impl<O: Opener, C: Clock> Source for Supervisor<O, C> {
         Some(match guarded(|| session.next(TICK)) {
             Ok(Some(capture)) => {
                 let event = self.captured(capture);
-                // Damaged frames alone are as good as none.
+                // Damaged frames alone count as none.
                 match self.wanting() {
                     SourceEvent::Nothing => event,
                     stalled => {
@@ -211,7 +211,7 @@ mod tests {
     use super::*;
     use crate::{ManualClock, Purpose, RawFrame, RawImages, SkippedFrame};
 
-    /// What a simulated camera does from some time on, in milliseconds.
+    /// What a simulated camera does from a given time on.
     #[derive(Debug, Clone, Copy, PartialEq)]
     enum Doing {
         Frames,
@@ -369,7 +369,7 @@ mod tests {
             for length in [2000, 7000, 61_000] {
                 let plan = [(0, Doing::Frames), (5000, fault), (5000 + length, Doing::Frames)];
                 let (seen, frames, [opened, closed]) = run(&plan, 5000 + length + 10_000);
-                // A silent camera is closed and opened, too, when silence goes on.
+                // A camera that stays silent is also closed and reopened.
                 let mut distinct = states(&seen);
                 distinct.dedup();
                 assert_eq!(distinct, expected, "{fault:?} {length}: {seen:?}");

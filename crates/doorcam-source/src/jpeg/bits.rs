@@ -1,18 +1,18 @@
-//! Entropy-coded data, bit by bit.
+//! Bit reader for entropy-coded data.
 
 use super::exact::Broken;
 
-/// The bits from one marker of entropy-coded data to the next. Beyond them come zeros, which are counted.
+/// The bits of entropy-coded data between two markers. Past the end it supplies zeros, and counts them.
 #[derive(Debug)]
 pub(super) struct Bits<'a> {
     bytes: &'a [u8],
-    /// The first byte that is not in the window as a whole.
+    /// Position of the first byte that is not entirely in the window.
     at: usize,
     /// The next bits, from the top.
     window: u64,
-    /// How many bits of the window count.
+    /// Number of valid bits in the window.
     count: u32,
-    /// How many bits have been made up because the data ended.
+    /// Number of zero bits supplied past the end of the data.
     made_up: u32,
 }
 
@@ -22,7 +22,7 @@ impl<'a> Bits<'a> {
         Self { bytes, at: 0, window: 0, count: 0, made_up: 0 }
     }
 
-    /// Has at least 32 bits at hand: enough for a Huffman code of 16 and the 15 bits that may follow it.
+    /// Fills the window to at least 32 bits: enough for a Huffman code of 16 and the 15 bits that may follow it.
     #[inline(always)]
     pub fn refill(&mut self) {
         if self.count >= 32 {
@@ -31,7 +31,7 @@ impl<'a> Bits<'a> {
         let next = self.bytes.get(self.at..).and_then(<[u8]>::first_chunk).copied().map(u64::from_be_bytes);
         match next {
             Some(next) if !has_ff(next) => {
-                // Of the last byte some bits may get into the window that do not count yet: they come again.
+                // Bits of a last, partial byte enter the window without being counted; the next refill repeats them.
                 self.window |= next >> self.count;
                 let taken = (63 - self.count) / 8;
                 self.at += taken as usize;
@@ -41,7 +41,7 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// 0xff is data if a 0 follows it, which is none; otherwise a marker begins there.
+    /// Byte by byte. 0xff is data if a stuffed 0 follows, which is dropped; otherwise it begins a marker.
     #[cold]
     #[inline(never)]
     fn refill_slowly(&mut self) {
@@ -65,20 +65,20 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// The next `n` bits, 1 to 32 of those at hand.
+    /// The next `n` bits, 1 to 32, which must be in the window.
     #[inline(always)]
     pub fn peek(&self, n: u32) -> usize {
         (self.window >> (64 - n)) as usize
     }
 
-    /// Goes `n` of the bits at hand further.
+    /// Consumes `n` bits, which must be in the window.
     #[inline(always)]
     pub fn skip(&mut self, n: u32) {
         self.window <<= n;
         self.count -= n;
     }
 
-    /// The next `n` bits, 1 to 15 of those at hand, as JPEGs have numbers: a leading 0 makes them negative (T.81, F.2.2.1).
+    /// Consumes `n` bits, 1 to 15, as a signed number: a leading 0 makes it negative (T.81, F.2.2.1).
     #[inline(always)]
     pub fn number(&mut self, n: u32) -> i32 {
         let bits = self.peek(n) as i32;
@@ -86,13 +86,13 @@ impl<'a> Bits<'a> {
         extended(bits, n)
     }
 
-    /// An error if more bits were taken than there are.
+    /// An error if more bits were consumed than there are.
     #[inline(always)]
     pub fn check(&self) -> Result<(), Broken> {
         if self.made_up > self.count { Err(Broken("its data end early")) } else { Ok(()) }
     }
 
-    /// Goes on behind the restart marker, which must come next.
+    /// Moves past the restart marker, which must come next.
     pub fn restart(&mut self) -> Result<(), Broken> {
         self.check()?;
         let left_over = self.count - self.made_up;
@@ -104,12 +104,12 @@ impl<'a> Bits<'a> {
                 *self = Self { at: self.at + 2, ..Self::new(self.bytes) };
                 Ok(())
             }
-            _ => Err(Broken("a restart marker is not where it belongs")),
+            _ => Err(Broken("a restart marker is missing or misplaced")),
         }
     }
 }
 
-/// The number that `n` bits stand for.
+/// The signed number that `n` bits encode (T.81, F.2.2.1, EXTEND).
 #[inline(always)]
 pub(super) fn extended(bits: i32, n: u32) -> i32 {
     if bits < 1 << (n - 1) { bits - (1 << n) + 1 } else { bits }

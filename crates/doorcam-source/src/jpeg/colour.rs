@@ -1,23 +1,23 @@
-//! From components to rows of red, green and blue: chroma made as fine as luma, then the colours of JFIF.
+//! Converts components to rows of red, green and blue: upsamples chroma, then applies JFIF's colour matrix.
 
 use super::header::Colours;
 
-/// A component's samples of one row of units, and before them the last row of the units above.
+/// A component's samples of one row of units (MCU), preceded by the last row of the units above.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Strip {
     /// Row by row.
     pub samples: Vec<f32>,
     /// Samples a row.
     pub stride: usize,
-    /// How many of the component's rows are above these units.
+    /// Number of the component's rows above these units.
     pub above: usize,
-    /// Samples across and down of the whole component that show something; the blocks may go on beyond them.
+    /// Samples across and down of the whole component that belong to the image; the blocks may extend beyond them.
     pub size: (usize, usize),
-    /// Whether there are two pixels a sample: across, down.
+    /// Whether a sample covers two pixels: across, down.
     pub halved: (bool, bool),
 }
 
-/// Room for samples on their way to pixels.
+/// Scratch for upsampling.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Scratch {
     blended: Vec<f32>,
@@ -25,28 +25,29 @@ pub(super) struct Scratch {
 }
 
 impl Strip {
-    /// Has room for `height` rows below the one above.
+    /// Resizes to `height` rows and the one above them.
     pub fn resize(&mut self, stride: usize, height: usize) {
         self.stride = stride;
         self.samples.resize(stride * (1 + height), 0.0);
     }
 
-    /// Makes room for the next row of units; the last row becomes the one above.
+    /// Prepares for the next row of units: the last row becomes the one above.
     pub fn next(&mut self) {
         let last = self.samples.len() - self.stride;
         self.samples.copy_within(last.., 0);
     }
 
-    /// The samples of the component's row `y`; beyond the component's end, the last ones.
+    /// The samples of the component's row `y`, or of its last row if `y` is beyond it.
     fn row(&self, y: usize) -> &[f32] {
         let place = y.min(self.size.1 - 1) + 1 - self.above;
         &self.samples[place * self.stride..][..self.stride]
     }
 
-    /// As many samples as the image has pixels, of its row `y`.
+    /// The component's values at the pixels of the image's row `y`.
     ///
-    /// The centre of a pixel is a quarter of a halved sample away from the nearest sample's: values are interpolated
-    /// linearly, as libjpeg does ("fancy", triangle filter) and as those who make JPEGs expect. At the ends they go on.
+    /// A pixel's centre is a quarter of a halved sample's width from the centre of the nearest sample. Values are
+    /// interpolated linearly between samples, like libjpeg's "fancy" triangle filter, which encoders expect, and are
+    /// constant beyond the outermost.
     #[inline(always)]
     fn pixels<'a>(&'a self, y: usize, scratch: &'a mut Scratch) -> &'a [f32] {
         let Scratch { blended, wide } = scratch;
@@ -71,7 +72,7 @@ impl Strip {
     }
 }
 
-/// Writes the image's row `y` as 16-bit codes, one or three for each pixel.
+/// Writes the image's row `y` as 16-bit codes, three for each pixel.
 #[inline(always)]
 pub(super) fn write_row(strips: &[Strip; 3], colours: Colours, y: usize, scratch: &mut [Scratch; 3], out: &mut [u16]) {
     let [first, second, third] = strips;
@@ -87,7 +88,7 @@ pub(super) fn write_row(strips: &[Strip; 3], colours: Colours, y: usize, scratch
         match (a.try_into(), b.try_into(), c.try_into(), out.try_into()) {
             (Ok(a), Ok(b), Ok(c), Ok(out)) => convert(colours, a, b, c, out),
             _ => {
-                // The end of the row: as much of it as there is, in a group that is whole.
+                // The end of the row: convert a padded group, and keep the part that exists.
                 let mut whole = [[0.0; GROUP]; 3];
                 for (whole, part) in whole.iter_mut().zip([a, b, c]) {
                     whole[..part.len().min(GROUP)].copy_from_slice(part);
@@ -103,7 +104,7 @@ pub(super) fn write_row(strips: &[Strip; 3], colours: Colours, y: usize, scratch
 /// Pixels that are converted together.
 const GROUP: usize = 16;
 
-/// Codes of a group of pixels. Chroma is around 0, all else from 0 to 255 (JFIF 1.02: the matrix of BT.601, full range).
+/// Codes of a group of pixels. Chroma is centred on 0, all else is 0 to 255 (JFIF 1.02: matrix of BT.601, full range).
 #[inline(always)]
 fn convert(colours: Colours, a: &[f32; GROUP], b: &[f32; GROUP], c: &[f32; GROUP], out: &mut [u16; 3 * GROUP]) {
     let mut planes = [[0; GROUP]; 3];
@@ -124,6 +125,6 @@ fn convert(colours: Colours, a: &[f32; GROUP], b: &[f32; GROUP], c: &[f32; GROUP
 /// The 16-bit code of a value of 0 to 255.
 #[inline(always)]
 fn code(value: f32) -> u16 {
-    // From 2^23 on, an f32's last bit is worth 1: adding it rounds, and leaves the integer in the last bits.
+    // From 2^23 on, the last bit of an f32 is worth 1: adding 2^23 rounds, and leaves the integer in the low bits.
     (value.clamp(0.0, 255.0) * 257.0 + 8_388_608.0).to_bits() as u16
 }

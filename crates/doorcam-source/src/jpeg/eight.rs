@@ -7,19 +7,19 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::outline::Outline;
 use super::standard;
-use crate::image::{ImageError, check_size, one_line};
+use crate::image_error::{ImageError, check_size, one_line};
 use doorcam_core::image::Image;
 
 /// Decodes JPEG after JPEG, reusing its buffer.
 #[derive(Debug, Clone, Default)]
 pub(super) struct EightBit {
-    /// The JPEG as the decoder is to see it.
+    /// The JPEG as passed to the decoder, with Huffman tables and its end replaced.
     complete: Vec<u8>,
 }
 
 impl EightBit {
-    /// Decodes into `image`, which gets 8 bits a sample; an error if anything of the image is missing. The bytes' outline is
-    /// theirs.
+    /// Decodes into `image`, at 8 bits a sample; an error if anything of the image is missing. `outline` must be that
+    /// of `bytes`.
     pub fn decode(
         &mut self,
         bytes: &[u8],
@@ -28,7 +28,7 @@ impl EightBit {
         image: &mut Image,
     ) -> Result<(), ImageError> {
         if outline.finer_colours {
-            return Err(ImageError::Jpeg("its colours are finer than its brightness".into()));
+            return Err(ImageError::Jpeg("its chroma is sampled more finely than its luma".into()));
         }
         self.complete.clear();
         self.complete.extend_from_slice(&bytes[..2]);
@@ -55,7 +55,9 @@ impl EightBit {
     }
 }
 
-/// The decoder takes data that end early, at an end marker in its place, for an image with a grey lower part. It does
-/// refuse a marker that does not exist: so one is put in place of the end marker, behind as many bytes as the decoder
-/// may read ahead of the last pixel (it does so by less than 8).
+/// Zero bytes before the reserved marker that replaces the end marker.
+///
+/// When data end early at an end marker, zune-jpeg silently fills the rest of the image with grey, but it refuses a
+/// marker that does not exist. The zeros keep that marker out of its read-ahead past the last pixel, which is less than
+/// 8 bytes.
 const READ_AHEAD: usize = 16;

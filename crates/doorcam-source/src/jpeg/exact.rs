@@ -1,8 +1,8 @@
-//! A decoder that keeps what others round away.
+//! A JPEG decoder without intermediate rounding, for measuring.
 //!
-//! Decoders for people round luma and chroma to 8 bits before they are turned into colours, and the colours once more. What
-//! is lost is little, but the same over whole areas of a floor of one colour, and a mean over many pixels has it all.
-//! Here everything between the coefficients and the 16-bit codes is f32.
+//! Ordinary decoders round luma and chroma to 8 bits before converting them to colours, and then round the colours. The
+//! error is small, but it is the same over whole areas of a floor of one colour, so averaging over pixels does not
+//! remove it. Here everything between the coefficients and the 16-bit codes is f32.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ use super::header::{Colours, Component, Header, Quantisation};
 use super::huffman::{Huffman, Tables};
 use super::idct::{Block, ORDER, inverse};
 use super::outline::Outline;
-use crate::image::{ImageError, check_size};
+use crate::image_error::{ImageError, check_size};
 use doorcam_core::image::Image;
 
 /// What is wrong with a JPEG's data.
@@ -27,18 +27,31 @@ impl From<Broken> for ImageError {
     }
 }
 
-/// Decodes JPEG after JPEG with the same buffers.
-#[derive(Debug, Clone, Default)]
+/// Decodes JPEG after JPEG, reusing its buffers.
+#[derive(Debug, Clone)]
 pub(super) struct Exact {
+    arch: Arch,
     quantisation: Quantisation,
     huffman: Tables,
     strips: [Strip; 3],
     scratch: [Scratch; 3],
 }
 
+impl Default for Exact {
+    fn default() -> Self {
+        Self::on(Arch::new())
+    }
+}
+
 impl Exact {
-    /// Takes over the tables of a JPEG (without what follows its end marker); none if it is of a kind that this does not
-    /// decode: progressive, of several scans, of more than 8 bits or other than grey, YCbCr and RGB.
+    /// A decoder that uses these vector instructions. The result does not depend on them.
+    pub fn on(arch: Arch) -> Self {
+        let (strips, scratch) = (Default::default(), Default::default());
+        Self { arch, quantisation: Quantisation::default(), huffman: Tables::default(), strips, scratch }
+    }
+
+    /// Reads the header of a JPEG (without what follows its end marker) and stores its tables. None for kinds that this
+    /// decoder does not support: progressive, several scans, more than 8 bits, or other than grey, YCbCr and RGB.
     pub fn header(&mut self, bytes: &[u8], outline: &Outline) -> Option<Header> {
         if !outline.sequential || outline.scans != 1 {
             return None;
@@ -47,9 +60,9 @@ impl Exact {
         Header::read(bytes, &mut self.quantisation, &mut self.huffman)
     }
 
-    /// Decodes `rows` of the JPEG whose header was read last into `image`, which gets 16 bits a sample: a value v of 0 to 255
-    /// becomes 257 v. The image's other rows keep what they had. Data below the last of the rows are looked at only where nothing
-    /// else would tell that a part is missing.
+    /// Decodes `rows` of the JPEG whose header was read last into `image`, at 16 bits a sample: a value v of 0 to 255
+    /// becomes 257 v. The image's other rows keep their contents. Data below the last of the rows are read only if the
+    /// JPEG has no restart markers, since nothing else then reveals a missing part.
     pub fn decode(
         &mut self,
         bytes: &[u8],
@@ -61,13 +74,13 @@ impl Exact {
         let (width, height) = (header.width, header.height);
         check_size((width, height), expected)?;
         let data = bytes.get(header.data..).unwrap_or(&[]);
-        // Each block takes two bits or more: this bounds what a short file can ask for.
+        // A block takes at least two bits, which bounds the image that a short file can claim.
         let blocks: usize = header.used().iter().map(|c| c.across * c.down).sum();
         let (across, down) = header.units();
         if across * down * blocks > 4 * data.len() {
             return Err(Broken("its data end early").into());
         }
-        let Self { quantisation, huffman, strips, scratch } = self;
+        let Self { arch, quantisation, huffman, strips, scratch } = self;
         let mut tables = [None; 3];
         for (table, component) in tables.iter_mut().zip(header.used()) {
             *table = Some(BlockTables::of(component, quantisation, huffman)?);
@@ -81,22 +94,22 @@ impl Exact {
         let samples = image.sixteen_mut(width, height);
         let rows = rows.start.min(height)..rows.end.min(height);
         let scan = Scan { header, tables, data, rows, strips, scratch, samples };
-        Ok(Arch::new().dispatch(scan)?)
+        Ok(arch.dispatch(scan)?)
     }
 }
 
-/// What a component's blocks are decoded with.
+/// The tables for a component's blocks.
 #[derive(Debug, Clone, Copy)]
 struct BlockTables<'a> {
     steps: &'a [f32; 64],
-    direct: &'a Huffman,
-    alternating: &'a Huffman,
+    dc: &'a Huffman,
+    ac: &'a Huffman,
 }
 
-/// Everything that decoding takes, to be compiled for the processor's widest vectors.
+/// The decoding of a scan, compiled for the processor's widest vectors.
 struct Scan<'a> {
     header: &'a Header,
-    /// As many as there are components.
+    /// Some for each component in use.
     tables: [Option<BlockTables<'a>>; 3],
     data: &'a [u8],
     rows: Range<usize>,
@@ -116,14 +129,14 @@ impl WithSimd for Scan<'_> {
         }
         let (across, down) = header.units();
         let unit = 8 * header.most.1;
-        // Between two rows of units, halved chroma needs both.
+        // With vertically halved chroma, the rows next to a border between rows of units need the chroma of both.
         let late = usize::from(header.colours != Colours::Grey && strips.iter().any(|s| s.halved.1));
         let wanted = rows.start.saturating_sub(late) / unit..((rows.end + late - 1) / unit + 1).min(down);
 
         let mut bits = Bits::new(data);
         let mut means = [0_i32; 3];
         let mut units_left = header.restart_interval;
-        // Without restart markers only the end tells that a part is missing: what is behind it has moved up.
+        // Without restart markers, a missing part shows only in that the data run out early.
         let read = if header.restart_interval > 0 { wanted.end } else { down };
         for unit_row in 0..read {
             let show = wanted.contains(&unit_row);
@@ -177,12 +190,13 @@ impl<'a> BlockTables<'a> {
         let missing = Broken("a Huffman table is missing");
         Ok(Self {
             steps: quantisation.get(component.quantisation).ok_or(Broken("a quantisation table is missing"))?,
-            direct: huffman.get(0, component.direct).ok_or(missing)?,
-            alternating: huffman.get(1, component.alternating).ok_or(missing)?,
+            dc: huffman.get(0, component.dc_table).ok_or(missing)?,
+            ac: huffman.get(1, component.ac_table).ok_or(missing)?,
         })
     }
 
-    /// Decodes a block, whose mean differs from the one before, into the first 8 samples of 8 rows.
+    /// Decodes a block into the first 8 samples of 8 rows. `mean` is the DC coefficient of the component's previous
+    /// block, then of this one.
     #[inline(always)]
     fn decode<'s>(
         &self,
@@ -191,7 +205,7 @@ impl<'a> BlockTables<'a> {
         level: f32,
         rows: impl Iterator<Item = &'s mut [f32]>,
     ) -> Result<(), Broken> {
-        *mean = mean.wrapping_add(self.direct.next(bits)?.value);
+        *mean = mean.wrapping_add(self.dc.next(bits)?.value);
         let mean = *mean as f32 * self.steps[0] + level;
         let mut block: Block = [[0.0; 8]; 8];
         let mut last = 0;
@@ -210,24 +224,24 @@ impl<'a> BlockTables<'a> {
         Ok(())
     }
 
-    /// Goes to the next block.
+    /// Skips a block, keeping track of the DC coefficient.
     #[inline(always)]
     fn skip(&self, bits: &mut Bits, mean: &mut i32) -> Result<(), Broken> {
-        *mean = mean.wrapping_add(self.direct.next(bits)?.value);
+        *mean = mean.wrapping_add(self.dc.next(bits)?.value);
         self.coefficients(bits, |_, _| {})
     }
 
-    /// Those of a block that are not 0, without the first (T.81, F.2.2.2).
+    /// Passes each non-zero AC coefficient of a block to `each`, with its index in zigzag order (T.81, F.2.2.2).
     #[inline(always)]
     fn coefficients(&self, bits: &mut Bits, mut each: impl FnMut(usize, i32)) -> Result<(), Broken> {
         let mut k = 1;
         while k < 64 {
-            let next = self.alternating.next(bits)?;
+            let next = self.ac.next(bits)?;
             if next.size == 0 {
                 match next.run {
                     0 => return Ok(()),
                     15 => k += 16,
-                    _ => return Err(Broken("its data have a symbol that there is not")),
+                    _ => return Err(Broken("its data have an invalid Huffman symbol")),
                 }
                 continue;
             }
@@ -238,6 +252,6 @@ impl<'a> BlockTables<'a> {
             each(k, next.value);
             k += 1;
         }
-        if k == 64 { Ok(()) } else { Err(Broken("a block of it has more than 64 coefficients")) }
+        if k == 64 { Ok(()) } else { Err(Broken("a block has more than 64 coefficients")) }
     }
 }

@@ -1,4 +1,4 @@
-//! What a JPEG's segments tell before its data begin.
+//! Reads a JPEG's header segments.
 
 use super::huffman::Tables;
 use super::idct::{ORDER, scale};
@@ -11,19 +11,19 @@ pub(super) struct Header {
     pub width: usize,
     /// Pixels down.
     pub height: usize,
-    /// Its components; of a grey one the first counts only.
+    /// Components; only the first is used if grey.
     pub components: [Component; 3],
-    /// What they are.
+    /// What the components mean.
     pub colours: Colours,
     /// The largest sampling factors, horizontal and vertical.
     pub most: (usize, usize),
     /// Units (MCU) between restart markers; 0 if there are none.
     pub restart_interval: usize,
-    /// Where the data begin.
+    /// Position at which the entropy-coded data begin.
     pub data: usize,
 }
 
-/// What the components of an image are.
+/// What the components of an image mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Colours {
     Grey,
@@ -35,16 +35,16 @@ pub(super) enum Colours {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Component {
     id: u8,
-    /// Sampling factor across: blocks a unit.
+    /// Sampling factor across, in blocks per unit.
     pub across: usize,
-    /// Sampling factor down.
+    /// Sampling factor down, in blocks per unit.
     pub down: usize,
     pub quantisation: usize,
-    pub direct: usize,
-    pub alternating: usize,
+    pub dc_table: usize,
+    pub ac_table: usize,
 }
 
-/// The four tables of steps, in the coefficients' order in the data, times what the transform wants to have them times.
+/// The four quantisation tables in zigzag order, multiplied by the transform's [`scale`].
 #[derive(Debug, Clone)]
 pub(super) struct Quantisation {
     tables: [[f32; 64]; 4],
@@ -82,8 +82,8 @@ impl Quantisation {
 }
 
 impl Header {
-    /// Of a sequential JPEG of 8 bits with one scan, grey or of three components with sampling factors of 1 and 2; takes
-    /// over its tables. None if it is another, or one that contradicts itself.
+    /// Reads the header of a sequential 8-bit JPEG with one scan, grey or of three components with sampling factors of
+    /// 1 and 2, and stores its tables. None for any other kind, and for inconsistent headers.
     pub fn read(bytes: &[u8], quantisation: &mut Quantisation, huffman: &mut Tables) -> Option<Self> {
         quantisation.defined = [false; 4];
         let (mut frame, mut restart_interval, mut jfif, mut adobe) = (None, 0, false, None);
@@ -94,7 +94,7 @@ impl Header {
             at = after + 2 + content.len();
             match marker {
                 0xc0 | 0xc1 if frame.is_none() => frame = Some(content),
-                // Other kinds of frames, or a second one; DNL.
+                // Other kinds of frames, a second frame, or DNL.
                 0xc0..=0xc3 | 0xc5..=0xcf | 0xdc => return None,
                 0xc4 => huffman.define(content)?,
                 0xdb => quantisation.define(content)?,
@@ -131,7 +131,7 @@ impl Header {
         let count = if grey { 1 } else { 3 };
         for (component, bytes) in components.iter_mut().zip(frame.get(6..6 + 3 * count)?.chunks_exact(3)) {
             let (across, down) = (usize::from(bytes[1] >> 4), usize::from(bytes[1] & 15));
-            // A lone component is not interleaved: its units are its blocks, whatever its sampling.
+            // A single component is not interleaved: its units are its blocks, whatever its sampling factors.
             (component.across, component.down) = if grey { (1, 1) } else { (across, down) };
             if !(1..=2).contains(&component.across) || !(1..=2).contains(&component.down) {
                 return None;
@@ -143,7 +143,7 @@ impl Header {
         Some(Self { width, height, components, colours, most, restart_interval: 0, data: 0 })
     }
 
-    /// Takes over the Huffman tables' numbers from a scan of all components.
+    /// Takes the numbers of the Huffman tables from the header of a scan, which must have all components.
     fn scan(&mut self, scan: &[u8]) -> Option<()> {
         let count = self.used().len();
         if usize::from(*scan.first()?) != count || scan.len() != 4 + 2 * count || scan[1 + 2 * count..] != [0, 63, 0] {
@@ -153,12 +153,12 @@ impl Header {
             if bytes[0] != component.id {
                 return None;
             }
-            (component.direct, component.alternating) = (usize::from(bytes[1] >> 4), usize::from(bytes[1] & 15));
+            (component.dc_table, component.ac_table) = (usize::from(bytes[1] >> 4), usize::from(bytes[1] & 15));
         }
         Some(())
     }
 
-    /// The components that there are.
+    /// The components in use: one if grey, otherwise three.
     pub fn used(&self) -> &[Component] {
         &self.components[..if self.colours == Colours::Grey { 1 } else { 3 }]
     }
@@ -169,7 +169,7 @@ impl Header {
     }
 }
 
-/// What three components are: JFIF knows YCbCr only, Adobe's marker tells, and else it may show in their names.
+/// What three components mean: always YCbCr in JFIF, else as Adobe's marker says, else by the components' names.
 fn colours(jfif: bool, adobe: Option<u8>, ids: [u8; 3]) -> Option<Colours> {
     match adobe {
         _ if jfif => Some(Colours::YCbCr),

@@ -1,45 +1,45 @@
-//! Huffman tables.
+//! Huffman tables and decoding (T.81, annexes C and F).
 
 use super::bits::{Bits, extended};
 use super::exact::Broken;
 use super::standard;
 
-/// Bits by which most codes are looked up at once.
+/// Bits of the lookup table that decodes most codes in one step.
 const LOOKUP: u32 = 10;
 
-/// Decodes one kind of codes.
+/// One Huffman table, prepared for decoding.
 #[derive(Debug, Clone)]
 pub(super) struct Huffman {
-    /// By the next LOOKUP bits.
+    /// Indexed by the next LOOKUP bits.
     short: [Entry; 1 << LOOKUP],
-    /// By length: what the codes of this length, as 16 bits, are less than; all shorter ones are, too.
+    /// By length: an upper bound, exclusive, of the codes of at most this length, left-aligned in 16 bits.
     limit: [u32; 17],
-    /// By length: what to add to a code of this length to have its symbol's place.
+    /// By length: what to add to a code of this length to get the index of its symbol.
     offset: [i32; 17],
     symbols: [u8; 256],
 }
 
-/// A symbol, and the number behind it if that is within the bits that were looked up, too: number << 16 | symbol << 8 | bits.
-/// The number is 0 if it is not; the bits are 0 if not even the code is.
+/// A symbol and the number after it: number << 16 | symbol << 8 | bits used. The number is 0 if the bits looked up hold
+/// only the symbol's code, the bits used are 0 if they do not hold even that.
 #[derive(Debug, Clone, Copy, Default)]
 struct Entry(u32);
 
-/// The four tables of each class, direct current and alternating.
+/// The four tables of each class: DC and AC coefficients.
 #[derive(Debug, Clone)]
 pub(super) struct Tables {
-    /// First those of class 0, then those of class 1.
+    /// Class 0 (DC), then class 1 (AC).
     tables: Vec<Huffman>,
     defined: [bool; 8],
 }
 
-/// How a block's numbers are told apart.
+/// A decoded symbol and the number after it: a coefficient, or a difference of DC coefficients.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Coefficient {
-    /// Zeros before it.
+    /// Number of zero coefficients before it.
     pub run: usize,
-    /// 0 if there is none.
+    /// Bits of the number; 0 if there is none.
     pub size: u32,
-    /// The number itself; 0 if there is none.
+    /// The number; 0 if there is none.
     pub value: i32,
 }
 
@@ -52,7 +52,7 @@ impl Default for Tables {
 }
 
 impl Tables {
-    /// Forgets all, or has the standard ones only.
+    /// Drops all tables; then defines the standard ones if `standard`.
     pub fn reset(&mut self, standard: bool) {
         self.defined = [false; 8];
         if standard {
@@ -62,7 +62,7 @@ impl Tables {
         }
     }
 
-    /// Takes over the tables of a segment; none if they are broken.
+    /// Stores the tables of a DHT segment; none if they are broken.
     pub fn define(&mut self, mut segment: &[u8]) -> Option<()> {
         while let Some((&id, rest)) = segment.split_first() {
             let (counts, rest) = rest.split_first_chunk()?;
@@ -78,7 +78,7 @@ impl Tables {
         Some(())
     }
 
-    /// The table for class 0 (differences of the mean) or 1 (everything else) of this number, if it is defined.
+    /// The table of this number for class 0 (DC) or 1 (AC), if it is defined.
     pub fn get(&self, class: usize, number: usize) -> Option<&Huffman> {
         let place = 4 * class + number;
         self.tables.get(place).filter(|_| self.defined[place])
@@ -90,7 +90,8 @@ fn place(id: u8) -> usize {
 }
 
 impl Huffman {
-    /// By how many codes each length has, and their symbols (T.81, annex C). None if there cannot be so many codes.
+    /// Builds the table from the count of codes of each length and their symbols (T.81, annex C). None if there are
+    /// more codes than their lengths allow.
     fn set(&mut self, class: u8, counts: &[u8; 16], symbols: &[u8]) -> Option<()> {
         if symbols.len() > 256 || (class == 0 && symbols.iter().any(|&s| s > 15)) {
             return None;
@@ -119,7 +120,7 @@ impl Huffman {
         Some(())
     }
 
-    /// The next code, and the number behind it.
+    /// Decodes the next symbol and the number after it.
     #[inline(always)]
     pub fn next(&self, bits: &mut Bits) -> Result<Coefficient, Broken> {
         bits.refill();
@@ -140,7 +141,7 @@ impl Huffman {
         Ok(Coefficient { run: (symbol >> 4) as usize, size, value })
     }
 
-    /// The symbol of a code of more than LOOKUP bits.
+    /// Decodes the symbol of a code of more than LOOKUP bits.
     #[inline(always)]
     fn long(&self, bits: &mut Bits) -> Result<u32, Broken> {
         let next = bits.peek(16);
@@ -151,12 +152,12 @@ impl Huffman {
                 return Ok(u32::from(self.symbols[place as usize & 0xff]));
             }
         }
-        Err(Broken("its data have a code that there is not"))
+        Err(Broken("its data have an invalid Huffman code"))
     }
 }
 
 impl Entry {
-    /// For a symbol with a code of `length` bits, which are followed by `bits`, of which there are `spare`.
+    /// For a symbol whose code has `length` bits and is followed by the `spare` bits `bits`.
     fn new(symbol: u8, length: u32, bits: u32, spare: u32) -> Self {
         let size = u32::from(symbol & 15);
         let (value, length) = if (1..=spare).contains(&size) {
@@ -178,13 +179,13 @@ mod tests {
         tables.reset(true);
         for (id, counts, symbols) in standard::TABLES {
             let table = tables.get(usize::from(id >> 4), usize::from(id & 15)).unwrap();
-            // Codes of a length count up; the first of the next length is the one after the last, and a 0 (annex C).
+            // Codes of one length count up; the next length starts from the following code, shifted left (annex C).
             let (mut code, mut symbols) = (0_u32, symbols.iter());
             for (length, &count) in (1..).zip(counts) {
                 for _ in 0..count {
                     let symbol = u32::from(*symbols.next().unwrap());
                     let size = symbol & 15;
-                    // Behind the code, the least number of its size: ones.
+                    // After the code, the extreme numbers of its size: all zeros, then all ones.
                     for ones in [false, true] {
                         let behind = if ones { (1_u64 << size) - 1 } else { 0 };
                         let word = (u64::from(code) << size | behind) << (64 - length - size);

@@ -1,21 +1,21 @@
 //! The inverse discrete cosine transform of 8 x 8 coefficients (T.81, A.3.3), in f32.
 //!
-//! Arai, Agui and Nakajima's scaled transform (Trans. IEICE E71, 1988): five multiplications a row, the rest is in
-//! the quantisation.
+//! Arai, Agui and Nakajima's scaled transform (Trans. IEICE E71, 1988): five multiplications a row; the others are
+//! folded into the quantisation.
 
 use std::f32::consts::SQRT_2;
 use std::f64::consts::PI;
 
-/// Coefficients or samples.
+/// 8 x 8 coefficients or samples.
 pub(super) type Block = [[f32; 8]; 8];
 
-/// Where the coefficients are, in the order in which JPEGs have them: horizontal frequency * 8 + vertical frequency.
+/// Zigzag order: for each coefficient in the data, its place, horizontal frequency * 8 + vertical frequency.
 pub(super) const ORDER: [u8; 64] = {
     let mut order = [0; 64];
     let (mut u, mut v, mut k) = (0_u8, 0_u8, 0);
     while k < 64 {
         order[k] = 8 * u + v;
-        // Diagonals, up and to the right, then down and to the left (T.81, figure A.6).
+        // Along the diagonals, up and to the right, then down and to the left (T.81, figure A.6).
         if (u + v) % 2 == 0 {
             if u == 7 {
                 v += 1;
@@ -36,13 +36,13 @@ pub(super) const ORDER: [u8; 64] = {
     order
 };
 
-/// What a coefficient of frequencies u and v is multiplied by before [`inverse`].
+/// The factor by which a coefficient of frequencies u and v is multiplied before [`inverse`].
 pub(super) fn scale(u: usize, v: usize) -> f64 {
     let one = |k: usize| if k == 0 { 1.0 } else { 2.0_f64.sqrt() * (k as f64 * PI / 16.0).cos() };
     one(u) * one(v) / 8.0
 }
 
-/// From scaled coefficients, by horizontal then vertical frequency, to samples, row by row.
+/// Transforms scaled coefficients, indexed by horizontal then vertical frequency, to samples, row by row.
 #[inline(always)]
 pub(super) fn inverse(coefficients: &mut Block) -> Block {
     pass(coefficients);
@@ -56,7 +56,7 @@ pub(super) fn inverse(coefficients: &mut Block) -> Block {
     turned
 }
 
-/// Transforms over the first index, eight times beside one another.
+/// Transforms over the first index, for all eight values of the second side by side.
 #[inline(always)]
 fn pass(block: &mut Block) {
     let [b0, b1, b2, b3, b4, b5, b6, b7] = block;

@@ -1,4 +1,4 @@
-//! JPEGs as webcams send them: without Huffman tables, padded, cut short.
+//! Decodes JPEGs as webcams send them: some lack Huffman tables, are padded or cut short.
 
 mod bits;
 mod colour;
@@ -20,17 +20,17 @@ use eight::EightBit;
 use exact::Exact;
 use outline::Outline;
 
-use super::image::ImageError;
+use crate::image_error::ImageError;
 use doorcam_core::image::Image;
 
-/// How exactly JPEGs are decoded.
+/// Precision to which JPEGs are decoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum JpegDepth {
-    /// To 8 bits a sample, as everybody does: for people, and to have what others measured.
+    /// 8 bits a sample, as other decoders do: for people, and to reproduce published measurements.
     #[default]
     Eight,
-    /// To 16 bits a sample, without rounding on the way: for measuring. Only sequential JPEGs with a single scan; others,
-    /// which no camera makes, come with 8 bits.
+    /// 16 bits a sample, without intermediate rounding: for measuring. Only for sequential JPEGs with a single scan;
+    /// others, which no camera makes, are decoded to 8 bits.
     Exact,
 }
 
@@ -47,8 +47,8 @@ impl JpegReader {
         Self { depth, ..Self::default() }
     }
 
-    /// Decodes `rows` into `image`, the other rows of which are undefined; an error if anything of these rows is missing,
-    /// or can be seen to be missing without decoding the others: the end, restart markers.
+    /// Decodes `rows` into `image`, whose other rows are undefined. An error if anything of these rows is missing, or
+    /// if the markers show that anything else is: no end marker, gaps in the restart markers.
     pub(super) fn decode_into(
         &mut self,
         bytes: &[u8],

@@ -1,25 +1,26 @@
-//! What a JPEG's markers tell before anything is decoded: where it ends, and whether a part of it is missing.
+//! Scans a JPEG's markers before anything is decoded: where it ends, and whether a part of it is missing.
 
-use crate::image::ImageError;
+use crate::image_error::ImageError;
 
-/// What the markers of a JPEG tell.
+/// What a JPEG's markers reveal.
 #[derive(Debug, Default)]
 pub(super) struct Outline {
-    /// Where its end marker is.
+    /// Position of the end marker.
     pub end: usize,
-    /// Whether it brings Huffman tables.
+    /// Whether it contains Huffman tables.
     pub huffman_tables: bool,
-    /// Whether it is one that is coded from top to bottom: baseline or extended sequential.
+    /// Whether it is baseline or extended sequential, coded from top to bottom.
     pub sequential: bool,
-    /// Whether a component has more samples, across or down, than the first one: no encoder makes these, and zune-jpeg panics.
+    /// Whether a component has more samples, across or down, than the first one. No encoder makes these, and zune-jpeg
+    /// panics on them.
     pub finer_colours: bool,
-    /// Blocks or groups of blocks (MCU) of the image, if it has a single scan.
+    /// Number of units (MCU) of the image, if it has a single scan.
     units: usize,
-    /// Of these, how many there are between restart markers; 0 if there are no such markers.
+    /// Units between restart markers; 0 if there are no such markers.
     restart_interval: usize,
-    /// How many scans it has.
+    /// Number of scans.
     pub scans: usize,
-    /// Restart markers; none if their numbers have a gap.
+    /// Number of restart markers; none if their numbers have a gap.
     restarts: Option<usize>,
 }
 
@@ -63,7 +64,7 @@ impl Outline {
         }
     }
 
-    /// Lost data between two restart markers leave a gap in the markers' numbers: the decoder does not look at them.
+    /// An error if restart markers are missing: lost data leave a gap in their numbers, which the decoders ignore.
     pub fn check_restarts(&self) -> Result<(), ImageError> {
         if !self.sequential || self.scans != 1 || self.restart_interval == 0 {
             return Ok(());
@@ -71,7 +72,7 @@ impl Outline {
         let expected = self.units.div_ceil(self.restart_interval).saturating_sub(1);
         match self.restarts {
             Some(found) if found >= expected => Ok(()),
-            _ => Err(ImageError::Jpeg("a part between its restart markers is missing".into())),
+            _ => Err(ImageError::Jpeg("data between restart markers are missing".into())),
         }
     }
 }
@@ -80,12 +81,12 @@ pub(super) fn cut_off() -> ImageError {
     ImageError::Jpeg("cut off before its end marker".into())
 }
 
-/// The next marker's code, and where what follows it begins.
+/// The next marker's code, and the position after it.
 pub(super) fn next_marker(bytes: &[u8], from: usize) -> Option<(u8, usize)> {
     let mut at = from;
     loop {
         at += memchr::memchr(0xff, bytes.get(at..)?)? + 1;
-        // 0xff is repeated as fill; followed by 0 it is data.
+        // Repeated 0xff is fill; 0xff followed by 0 is data.
         match bytes.get(at)? {
             0 | 0xff => {}
             &code => return Some((code, at + 1)),
@@ -115,7 +116,7 @@ fn units(frame: &[u8]) -> Option<usize> {
     let (height, width) = (big_endian(frame.get(1..3)?), big_endian(frame.get(3..5)?));
     let components = frame.get(6..)?.chunks_exact(3);
     let (mut across, mut down) = (1, 1);
-    // A lone component is not interleaved: its units are its blocks, whatever its sampling.
+    // A single component is not interleaved: its units are its blocks, whatever its sampling factors.
     if components.len() > 1 {
         for component in components {
             across = across.max(usize::from(component[1] >> 4));

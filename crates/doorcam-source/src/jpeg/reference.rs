@@ -1,9 +1,9 @@
-//! A sequential JPEG decoded as the standard defines it, in f64 and as slowly as that is.
+//! Decodes a sequential JPEG literally as the standard defines it, slowly and in f64.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
-/// Red, green and blue from 0 to 255, not rounded, of each pixel.
+/// Red, green and blue of each pixel, 0 to 255, not rounded.
 pub struct Decoded {
     pub width: usize,
     pub height: usize,
@@ -18,12 +18,12 @@ struct Component {
     quantisation: u8,
     tables: [u8; 2],
     mean: i32,
-    /// Samples a row, and the samples.
+    /// Samples a row.
     stride: usize,
     samples: Vec<f64>,
 }
 
-/// Codes as (length, code).
+/// Symbols by (length, code).
 type Codes = HashMap<(u32, u32), u8>;
 
 struct Bits<'a>(&'a [u8], usize);
@@ -52,14 +52,14 @@ impl Bits<'_> {
     }
 }
 
-/// Frequencies across and down in the order of figure A.6: along the diagonals, in turn up and down.
+/// Frequencies across and down in the order of figure A.6: along the diagonals, alternately up and down.
 fn zigzag() -> Vec<(usize, usize)> {
     let mut order: Vec<(usize, usize)> = (0..64).map(|k| (k % 8, k / 8)).collect();
     order.sort_by_key(|&(u, v)| (u + v, if (u + v) % 2 == 0 { u } else { v }));
     order
 }
 
-/// The transform's definition (A.3.3).
+/// The definition of the inverse transform (A.3.3).
 fn transform(coefficients: &[[f64; 8]; 8], x: usize, y: usize) -> f64 {
     let c = |k: usize| if k == 0 { 0.5_f64.sqrt() } else { 1.0 };
     let wave = |at: usize, k: usize| c(k) * ((2 * at + 1) as f64 * k as f64 * PI / 16.0).cos();
@@ -139,7 +139,7 @@ pub fn decode(bytes: &[u8]) -> Decoded {
         (grey.across, grey.down) = (1, 1);
     }
 
-    // Data between markers, without the zeros behind 0xff.
+    // The data between markers, without the zeros stuffed after 0xff.
     let mut parts = vec![Vec::new()];
     while let [byte, next, ..] = bytes[at..] {
         at += 1;
@@ -198,7 +198,7 @@ pub fn decode(bytes: &[u8]) -> Decoded {
         }
     }
 
-    // A component's value at a pixel's centre: linear between the centres of its samples, constant beyond the outermost.
+    // A component's value at a pixel's centre: linear between its samples' centres, constant beyond the outermost.
     let value = |component: &Component, x: usize, y: usize| {
         let along = |pixel: usize, pixels: usize, factor: usize, most: usize| {
             let samples = (pixels * factor).div_ceil(most);

@@ -1,6 +1,6 @@
-//! The Huffman tables of ITU-T T.81, K.3, which Motion JPEG may leave out.
+//! The standard Huffman tables (ITU-T T.81, K.3), which Motion JPEG may leave out.
 
-/// Class and number, how many codes each length has, and their symbols.
+/// Class and number, count of codes of each length, and symbols.
 #[rustfmt::skip]
 pub(super) const TABLES: [(u8, &[u8; 16], &[u8]); 4] = [
     (0x00, &[0, 1, 5, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0], &DC_VALUES),
@@ -9,7 +9,7 @@ pub(super) const TABLES: [(u8, &[u8; 16], &[u8]); 4] = [
     (0x11, &[0, 2, 1, 2, 4, 4, 3, 4, 7, 5, 4, 4, 0, 1, 2, 0x77], &AC_CHROMA),
 ];
 
-/// Appends them as segments.
+/// Appends the tables as DHT segments.
 pub(super) fn append(out: &mut Vec<u8>) {
     for (id, counts, values) in TABLES {
         let length = (2 + 1 + 16 + values.len()) as u8;

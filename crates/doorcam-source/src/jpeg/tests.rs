@@ -77,7 +77,7 @@ fn data_start(bytes: &[u8]) -> usize {
     }
 }
 
-/// The JPEG with another segment, or none, in place of those with this marker.
+/// The JPEG with the segments of this marker replaced by `with`.
 fn replaced(bytes: &[u8], marker: u8, with: &[u8]) -> Vec<u8> {
     let mut out = bytes[..2].to_vec();
     let mut at = 2;
@@ -90,7 +90,7 @@ fn replaced(bytes: &[u8], marker: u8, with: &[u8]) -> Vec<u8> {
     [&out, &bytes[at..]].concat()
 }
 
-/// An error unless the samples are those of the definition, to the last bit of 16.
+/// An error unless the samples are those of the standard's definition, to the last of 16 bits.
 fn compare(bytes: &[u8]) -> Result<(), String> {
     let image = decode(JpegDepth::Exact, bytes)?;
     let truth = reference::decode(bytes);
@@ -99,12 +99,25 @@ fn compare(bytes: &[u8]) -> Result<(), String> {
         return Err("another size".into());
     }
     for (k, (&code, &value)) in codes.iter().zip(truth.pixels.as_flattened()).enumerate() {
-        // Half a code is rounding, the rest f32.
+        // Rounding accounts for 0.5, f32 arithmetic for the rest.
         if (f64::from(code) - 257.0 * value).abs() > 0.6 {
             return Err(format!("sample {k}: {code}, expected {}", 257.0 * value));
         }
     }
     Ok(())
+}
+
+#[test]
+fn without_vector_instructions_the_samples_are_the_same() {
+    for sampling in SAMPLINGS {
+        let bytes = encode(&picture(83, 45, 90), (83, 45), ColorType::Rgb, 85, |e| e.set_sampling_factor(sampling));
+        let expected = decode(JpegDepth::Exact, &bytes).unwrap();
+        let mut plain = JpegReader::new(JpegDepth::Exact);
+        *plain.exact = Exact::on(pulp::Arch::Scalar);
+        let mut image = Image::empty();
+        plain.decode_into(&bytes, None, ALL, &mut image).unwrap();
+        assert_eq!(image, expected, "{sampling:?}");
+    }
 }
 
 #[test]
@@ -123,7 +136,7 @@ fn every_sample_is_that_of_the_definition() {
             for (optimised, quality) in [(false, 30), (true, 30), (true, 100)] {
                 let bytes = encode(grey, (width, height), ColorType::Luma, quality, |encoder| {
                     encoder.set_optimized_huffman_tables(optimised);
-                    // This encoder does not count what comes of restarts.
+                    // This encoder's optimised tables do not count the symbols that restarts produce.
                     encoder.set_restart_interval(if optimised { 0 } else { 5 });
                 });
                 compare(&bytes).unwrap_or_else(|e| panic!("{width} x {height} grey {optimised}: {e}"));
@@ -142,8 +155,8 @@ fn components_may_be_red_green_and_blue() {
 
 #[test]
 fn both_depths_agree_within_the_rounding_of_the_lesser() {
-    // How often chroma is rounded to 8 bits, half a code each time; blue is 1.772 Cb and luma. Luma and blue itself are
-    // rounded once, and its integers add a little.
+    // `rounded` is how often chroma is rounded to 8 bits, by up to half a code each time; blue is luma + 1.772 Cb. Luma
+    // and blue are rounded once each, and the integer arithmetic of the 8-bit decoder adds a little.
     for (sampling, rounded) in SAMPLINGS.into_iter().zip([1.0, 2.0, 3.0, 2.0]) {
         let limit = 0.5 * 1.772 * rounded + 0.5 + 0.5 + 0.1;
         for (width, height) in [(160, 96), (155, 83)] {
@@ -160,14 +173,14 @@ fn both_depths_agree_within_the_rounding_of_the_lesser() {
 #[test]
 fn means_over_a_smooth_floor_are_much_nearer_to_the_truth_than_through_8_bits() {
     let (width, height) = (320_u16, 240_u16);
-    // A floor of one colour, and light that falls off by a few codes; Y, Cb and Cr.
+    // Y, Cb and Cr of a floor of one colour under light that falls off by a few codes.
     let truth: Vec<[f64; 3]> = (0..320 * 240)
         .map(|k| {
             let (x, y) = ((k % 320) as f64 / 320.0, (k / 320) as f64 / 240.0);
             [141.3 - 5.0 * x + 3.0 * y, 118.4 + 1.5 * y, 131.8 - 1.2 * x]
         })
         .collect();
-    // Noise of a code: the mean over an area is known to a small part of a code.
+    // Noise of one code dithers the pixels, so that means over an area resolve a small part of a code.
     let mut random = noise(7);
     let pixels: Vec<u8> = truth.as_flattened().iter().map(|v| (v + f64::from(random()) / 256.0) as u8).collect();
     let bytes = encode(&pixels, (width, height), ColorType::Ycbcr, 98, |encoder| {
@@ -180,7 +193,7 @@ fn means_over_a_smooth_floor_are_much_nearer_to_the_truth_than_through_8_bits() 
             [red, (y - 0.299 * red - 0.114 * blue) / 0.587, blue]
         })
         .collect();
-    // Root mean square of the errors of means over squares of 16 pixels, in codes of 255.
+    // RMS error of the means over squares of 16 x 16 pixels, in codes of 255.
     let error = |depth| {
         let decoded = values(&decode(depth, &bytes).unwrap());
         let corners = || (0..240).step_by(16).flat_map(|y| (0..320).step_by(16).map(move |x| 320 * y + x));
@@ -243,7 +256,7 @@ fn what_is_missing_is_noticed_wherever_it_is() {
 fn other_kinds_come_with_8_bits() {
     let pixels = picture(80, 48, 31);
     let progressive = encode(&pixels, (80, 48), ColorType::Rgb, 90, |encoder| encoder.set_progressive(true));
-    // This encoder makes a scan for each component then.
+    // With optimised tables, this encoder writes a scan for each component.
     let scans = encode(&pixels, (80, 48), ColorType::Rgb, 90, |encoder| encoder.set_optimized_huffman_tables(true));
     let baseline = decode(JpegDepth::Eight, &encode(&pixels, (80, 48), ColorType::Rgb, 90, |_| {})).unwrap();
     for bytes in [progressive, scans] {
@@ -281,7 +294,7 @@ fn whatever_is_cut_off_or_left_out_makes_it_an_error() {
                 let error = decode(depth, &bytes[..cut]).unwrap_err();
                 assert_eq!(error, "broken JPEG: cut off before its end marker", "{cut}");
             }
-            // Some drivers put the end marker where the data broke off, or lose a packet in the middle.
+            // Some drivers write the end marker where the data broke off, or lose a packet in the middle.
             for cut in (start..end - 64).step_by(61) {
                 decode(depth, &[&bytes[..cut], &[0xff, 0xd9]].concat()).expect_err("ended early");
             }
@@ -305,7 +318,7 @@ fn colours_that_are_finer_than_the_brightness_make_it_an_error() {
     let bytes = include_bytes!("../../../../fuzz/corpus/jpeg/fine-colour.jpg");
     for depth in DEPTHS {
         let refused = decode(depth, bytes).expect_err("no encoder makes these");
-        assert!(refused.contains("its colours are finer than its brightness"), "{refused}");
+        assert!(refused.contains("its chroma is sampled more finely than its luma"), "{refused}");
     }
 }
 
@@ -390,7 +403,7 @@ proptest! {
         header in proptest::collection::vec(any::<u8>(), 0..90), data in proptest::collection::vec(any::<u8>(), 0..400),
         kind in prop_oneof![Just(0xc0u8), Just(0xc4), Just(0xdb), Just(0xda), Just(0xdd), Just(0xee)],
     ) {
-        // A good JPEG's segments, but for one that holds anything, and any data.
+        // A valid JPEG with one segment replaced by anything, then one with any data.
         let good = webcam(40, 24, None);
         let length = (header.len() as u16 + 2).to_be_bytes();
         let bytes = replaced(&good, kind, &[&[0xff, kind], &length[..], &header].concat());

@@ -9,10 +9,10 @@ use crate::{RawFrame, RawImages};
 use doorcam_core::geometry::Side;
 use doorcam_core::image::Samples;
 
-/// A frame's image files: what comes after the number in their names, and their bytes.
+/// A frame's image files: what follows the number in the name, and the bytes.
 pub(super) type EncodedFrame<'a> = Vec<(String, Cow<'a, [u8]>)>;
 
-/// Image files as they came; raw pixels as PNG, which loses nothing of them beyond 8 bits a colour.
+/// Keeps image files as they are; encodes raw pixels as PNG, with 8 bits a colour and no other loss.
 pub(super) fn encode(frame: &RawFrame) -> Result<EncodedFrame<'_>, ImageError> {
     Ok(match &frame.images {
         RawImages::Camera(bytes) => vec![(format!(".{}", extension(bytes)), Cow::Borrowed(&bytes[..]))],
@@ -26,7 +26,7 @@ pub(super) fn encode(frame: &RawFrame) -> Result<EncodedFrame<'_>, ImageError> {
     })
 }
 
-/// What is neither is a damaged JPEG: cameras make nothing else.
+/// Anything but a PNG is a JPEG, perhaps a damaged one: cameras make nothing else.
 fn extension(bytes: &[u8]) -> &'static str {
     if bytes.starts_with(b"\x89PNG") { "png" } else { "jpg" }
 }
@@ -36,13 +36,14 @@ fn png(format: &SensorFormat, bytes: &[u8]) -> Result<Vec<u8>, ImageError> {
     let refused = || ImageError::Encode(image.width, image.height);
     let Samples::Eight(rgb) = &image.samples else { return Err(refused()) };
     let (samples, colour) = match format.pixels {
-        // Three equal channels would only take longer.
+        // Three equal channels would take longer to encode.
         SensorPixels::Grey => (Cow::Owned(rgb.iter().copied().step_by(3).collect()), ExtendedColorType::L8),
         _ => (Cow::Borrowed(&rgb[..]), ExtendedColorType::Rgb8),
     };
     let mut png = Vec::with_capacity(samples.len() / 2);
     let size = |n: usize| u32::try_from(n).map_err(|_| refused());
-    // Neighbours are alike; to look for the best filter of each row would take longer than to write what it saves.
+    // Neighbouring pixels are alike, so a fixed filter does: the search for each row's best filter takes longer than
+    // writing the bytes that it saves.
     PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Sub)
         .write_image(&samples, size(image.width)?, size(image.height)?, colour)
         .map_err(|_| refused())?;

@@ -2,14 +2,14 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Where a file's bytes are before they are all there. Nobody takes it for an image: its name does not end like one's.
+/// The path of a file while it is written. Its extension is not that of an image, so that no reader takes it for one.
 fn unfinished(path: &Path) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!(".{name}.part"))
 }
 
-/// Writes a file that is there with all of its bytes or not at all; whether a power cut leaves it is another matter, as to wait
-/// for the disk after each frame would take too long.
+/// Writes a file completely or not at all. It need not survive a power cut: waiting for the disk after each frame would
+/// take too long.
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let part = unfinished(path);
     let written = (|| {
@@ -18,28 +18,28 @@ pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
         fs::rename(&part, path)
     })();
     if written.is_err() {
-        // What is left of it only takes up space, which may be what is missing.
+        // The remains only take up space, and a full disk may be why it failed.
         let _ = fs::remove_file(&part);
     }
     written
 }
 
-/// Waits until a directory's list of names, or a file's bytes, are on the disk.
+/// Waits until a directory's entries, or a file's bytes, are on the disk.
 pub(super) fn sync(path: &Path) -> io::Result<()> {
     File::open(path)?.sync_all()
 }
 
-/// Waits until all that is in a recording's directory is on the disk.
+/// Waits until everything in a recording's directory is on the disk.
 ///
-/// A recording has thousands of files, and to wait for each by itself takes some milliseconds: the whole file system at once
-/// is a matter of one wait.
+/// A recording has thousands of files, and syncing each takes some milliseconds: syncing the whole file system is
+/// faster.
 #[cfg(target_os = "linux")]
 pub(super) fn sync_below(directory: &Path) -> io::Result<()> {
     rustix::fs::syncfs(File::open(directory)?)?;
     Ok(())
 }
 
-/// Waits until all that is in a recording's directory is on the disk.
+/// Waits until everything in a recording's directory is on the disk.
 #[cfg(not(target_os = "linux"))]
 pub(super) fn sync_below(directory: &Path) -> io::Result<()> {
     for entry in fs::read_dir(directory)? {
@@ -49,7 +49,7 @@ pub(super) fn sync_below(directory: &Path) -> io::Result<()> {
     sync(directory)
 }
 
-/// A text file that lines are added to. A line is in it whole or not at all.
+/// A text file to which lines are appended, each completely or not at all.
 #[derive(Debug)]
 pub(super) struct Lines {
     file: File,
@@ -76,11 +76,11 @@ impl Lines {
         self.length
     }
 
-    /// Takes back what is behind `length`.
+    /// Truncates the file to `length` bytes.
     pub(super) fn cut(&mut self, length: u64) {
         use std::io::{Seek, SeekFrom};
 
-        // Should this fail, too, the reader still puts up with half a line at the end.
+        // If this fails too, the reader still tolerates half a line at the end.
         let _ = self.file.set_len(length);
         let _ = self.file.seek(SeekFrom::Start(length));
         self.length = length;
@@ -99,7 +99,7 @@ mod tests {
         write_whole(&path, b"second").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"second");
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
-        // A directory is in the way: what was half written is not left behind.
+        // A directory is in the way: the unfinished file is removed.
         fs::create_dir(dir.path().join("b.png")).unwrap();
         write_whole(&dir.path().join("b.png"), b"x").unwrap_err();
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2);

@@ -1,7 +1,7 @@
-//! Writing recordings (DESIGN: the recording contract) while their frames come.
+//! Writes recordings (docs/recordings.md) while their frames arrive.
 //!
-//! [`RecordingWriter`] puts frames in files, one after the other; [`Recorder`] does so on a thread of its own, so that whoever
-//! has the frames never waits for a disk. Whatever ends either of them, what was written stays a recording that opens.
+//! [`RecordingWriter`] writes frames to files one by one; [`Recorder`] does so on its own thread, so that the source of
+//! the frames never waits for a disk. Whatever ends either of them, what was written opens as a recording.
 
 mod encoding;
 mod files;
@@ -15,12 +15,12 @@ pub use queue::{Recorder, RecordingState, RecordingStatus};
 use serde::Serialize;
 pub use writer::{RecordingPlan, RecordingWriter, Written};
 
-/// When a recording ends by itself. What is none does not end it.
+/// Limits at which a recording ends by itself. None is no limit.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct RecordingLimits {
-    /// Seconds from the first frame on, by the frames' own times.
+    /// Seconds from the first frame, by the frames' own times.
     pub seconds: Option<f64>,
-    /// Frames.
+    /// Number of frames.
     pub frames: Option<u64>,
     /// Bytes of all files together.
     pub bytes: Option<u64>,
@@ -31,20 +31,20 @@ pub struct RecordingLimits {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum End {
-    /// Someone said so, or there were no more frames.
+    /// It was stopped, or there were no more frames.
     Stopped,
-    /// [`RecordingLimits::seconds`].
+    /// It reached [`RecordingLimits::seconds`].
     Seconds,
-    /// [`RecordingLimits::frames`].
+    /// It reached [`RecordingLimits::frames`].
     Frames,
-    /// [`RecordingLimits::bytes`].
+    /// It reached [`RecordingLimits::bytes`].
     Bytes,
 }
 
-/// Why a recording cannot be written, or not any further.
+/// Why a recording cannot be written, or cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
-    /// The directory has a recording already.
+    /// The directory already has a recording.
     #[error("{0}: there is a recording already; remove it or name another directory")]
     Exists(PathBuf),
     /// A file cannot be written.
@@ -66,7 +66,7 @@ impl RecordError {
     }
 }
 
-/// An I/O error without the operating system's number, with what to do about it.
+/// An I/O error in words; without the operating system's error number where it is a usual one.
 fn words(error: &io::Error) -> String {
     match error.kind() {
         io::ErrorKind::StorageFull => "no space left on the device".into(),

@@ -10,16 +10,16 @@ use serde::Serialize;
 use super::{End, RecordError, RecordingLimits, RecordingPlan, RecordingWriter, Written};
 use crate::{RawFrame, RawImages};
 
-/// Frames that may wait for the disk.
+/// Most frames that wait for the disk.
 const QUEUE: usize = 256;
-/// Bytes of frames that may wait: a second and more of a large raw picture.
+/// Most bytes of frames that wait: more than a second of large raw pictures.
 const QUEUE_BYTES: usize = 128 << 20;
-/// How often the writing thread looks whether it should end while no frames come.
+/// How often the writing thread checks whether to end while no frames arrive.
 const TICK: Duration = Duration::from_millis(100);
-/// How long after its time a recording waits for a frame that says that its time is over.
+/// How long past its time limit a recording waits for a frame whose time ends it.
 const GRACE: Duration = Duration::from_secs(1);
 
-/// Writes a recording on a thread of its own. Nothing that goes wrong with it reaches whoever has the frames.
+/// Writes a recording on its own thread. None of its errors affects the source of the frames.
 #[derive(Debug)]
 pub struct Recorder {
     sender: Option<SyncSender<Queued>>,
@@ -27,14 +27,14 @@ pub struct Recorder {
     thread: Option<JoinHandle<()>>,
 }
 
-/// Where a recording stands.
+/// The state of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum RecordingState {
-    /// Frames are written.
+    /// Frames are being written.
     Recording,
-    /// Nothing more is taken; what is there is brought to the disk.
+    /// No more frames are accepted; the files are being synced to the disk.
     Finishing,
     /// It is complete.
     Complete,
@@ -42,23 +42,23 @@ pub enum RecordingState {
     Failed,
 }
 
-/// How a recording is doing.
+/// The status of a recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct RecordingStatus {
-    /// Where it is.
+    /// The recording's directory.
     #[cfg_attr(feature = "schema", schema(value_type = String))]
     pub directory: PathBuf,
-    /// Where it stands.
+    /// Its state.
     pub state: RecordingState,
     /// What has been written.
     #[serde(flatten)]
     pub written: Written,
-    /// Frames that should have come and did not, or only damaged.
+    /// Frames that never arrived, or arrived damaged.
     pub lost: u64,
-    /// Frames that came faster than they could be written.
+    /// Frames that were dropped because they came faster than they could be written.
     pub overflowed: u64,
-    /// Why it ended; none while it goes on, and after an error.
+    /// Why it ended; none while it is running, and after an error.
     #[cfg_attr(feature = "schema", schema(required))]
     pub ended: Option<End>,
     /// The error that ended it.
@@ -66,7 +66,7 @@ pub struct RecordingStatus {
     pub error: Option<String>,
 }
 
-/// A frame, and how many before it are missing.
+/// A frame, and the number of frames missing before it.
 #[derive(Debug)]
 struct Queued {
     frame: RawFrame,
@@ -76,7 +76,7 @@ struct Queued {
 #[derive(Debug)]
 struct Shared {
     status: Mutex<RecordingStatus>,
-    /// Frames that are missing since the last one that was queued.
+    /// Number of frames missing since the last one that was queued.
     missing: AtomicU64,
     queued_bytes: AtomicUsize,
     stop: AtomicBool,
@@ -89,7 +89,10 @@ impl Shared {
 }
 
 impl Recorder {
-    /// Begins a recording in a directory that is empty or not there yet.
+    /// Begins a recording in a directory without one, creating it if needed.
+    ///
+    /// # Errors
+    /// If the directory has a recording or cannot be written, or the thread cannot be started.
     pub fn start(directory: &Path, plan: RecordingPlan) -> Result<Self, RecordError> {
         let limits = plan.limits;
         let writer = RecordingWriter::create(directory, plan)?;
@@ -117,7 +120,8 @@ impl Recorder {
         Ok(Self { sender: Some(sender), shared, thread: Some(thread) })
     }
 
-    /// Takes a frame if there is room for it, and counts it otherwise: never waits. False once the recording has ended.
+    /// Queues a frame, or counts it as overflowed if the queue is full; never waits. False once the recording has
+    /// ended.
     pub fn offer(&self, frame: &RawFrame) -> bool {
         let Some(sender) = &self.sender else { return false };
         if self.shared.queued_bytes.load(Ordering::Relaxed) > QUEUE_BYTES {
@@ -135,32 +139,32 @@ impl Recorder {
         }
     }
 
-    /// Takes a frame, and waits until there is room for it. False once the recording has ended.
+    /// Queues a frame, waiting while the queue is full. False once the recording has ended.
     pub fn put(&self, frame: &RawFrame) -> bool {
         self.sender.as_ref().is_some_and(|sender| sender.send(self.queued(frame)).is_ok())
     }
 
-    /// So many frames should have come before the next one, and did not, or only damaged.
+    /// Counts frames that never arrived, or arrived damaged, before the next one: the recording shows them as missing.
     pub fn lost(&self, count: u64) {
         self.shared.missing.fetch_add(count, Ordering::Relaxed);
         self.shared.status().lost += count;
     }
 
-    /// How it is doing.
+    /// The current status.
     pub fn status(&self) -> RecordingStatus {
         self.shared.status().clone()
     }
 
-    /// Whether it has taken its last frame.
+    /// Whether it accepts no more frames.
     pub fn has_ended(&self) -> bool {
         self.shared.status().state != RecordingState::Recording
     }
 
-    /// Ends it after the frames that were taken, and waits until all of it is on the disk.
+    /// Ends the recording after the frames that were queued, and waits until all of it is on the disk.
     pub fn stop(&mut self) -> RecordingStatus {
         self.sender = None;
         if let Some(thread) = self.thread.take() {
-            // That thread cannot panic but for a bug; then it is the status that stays behind.
+            // The thread panics only on a bug; it has not updated the status then.
             if thread.join().is_err() {
                 let mut status = self.shared.status();
                 status.state = RecordingState::Failed;
@@ -188,7 +192,7 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        // What waits in the queue is given up, so that nobody waits long for a slow disk.
+        // The queue is discarded, so that dropping does not wait long for a slow disk.
         self.shared.stop.store(true, Ordering::Relaxed);
         self.stop();
     }
@@ -201,7 +205,7 @@ fn size(frame: &RawFrame) -> usize {
     }
 }
 
-/// Writes what comes until it ends, and says how it ended.
+/// Writes frames until the recording ends, and sets the status accordingly.
 fn work(mut writer: RecordingWriter, limits: RecordingLimits, frames: &Receiver<Queued>, shared: &Shared) {
     let ended = write(&mut writer, limits, frames, shared);
     shared.status().state = RecordingState::Finishing;
@@ -227,7 +231,7 @@ fn write(
         }
         let Queued { frame, missing } = match frames.recv_timeout(TICK) {
             Ok(queued) => queued,
-            // A camera that gives no frames any more must not keep the recording from its end.
+            // A camera that stops delivering frames must not keep the recording from ending.
             Err(RecvTimeoutError::Timeout) if deadline.is_some_and(|d| Instant::now() >= d) => return Ok(End::Seconds),
             Err(RecvTimeoutError::Timeout) => continue,
             Err(RecvTimeoutError::Disconnected) => return Ok(End::Stopped),

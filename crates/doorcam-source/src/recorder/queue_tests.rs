@@ -7,7 +7,7 @@ const JPEG: &[u8] = b"\xff\xd8 and so on";
 fn wait(recorder: &Recorder) -> RecordingStatus {
     let start = Instant::now();
     while matches!(recorder.status().state, RecordingState::Recording | RecordingState::Finishing) {
-        assert!(start.elapsed() < Duration::from_secs(20), "{:?}", recorder.status());
+        assert!(start.elapsed() < Duration::from_secs(100), "{:?}", recorder.status());
         std::thread::sleep(Duration::from_millis(5));
     }
     recorder.status()
@@ -79,7 +79,7 @@ fn what_does_not_fit_is_counted_and_missing() {
     assert!(status.overflowed > 0, "{status:?}");
     assert_eq!(status.written.frames + status.overflowed, 400);
     let recording = Recording::open(dir.path()).unwrap();
-    // None is after the last one to be seen missing.
+    // Frames that overflowed after the last one written leave no gap.
     let frames = recording.frames.len() as u64;
     assert!(frames >= status.written.frames && frames <= 400);
 }

@@ -10,16 +10,16 @@ use super::{End, RecordError, RecordingLimits};
 use crate::recording::Manifest;
 use crate::{RawFrame, RawImages, SkippedFrame};
 
-/// What is to be recorded.
+/// What to record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordingPlan {
     /// The manifest.
     pub manifest: Manifest,
-    /// How long, in seconds from the first frame on, the room is empty: those frames become the manifest's
-    /// `background_frames`. None leaves them as they are.
+    /// How long the room is empty, in seconds from the first frame: those frames become the manifest's
+    /// `background_frames`. None keeps the manifest's own.
     pub empty_seconds: Option<f64>,
-    /// Whether it is known where the camera sees the floor. If not, the manifest's `doorway` and `floor_points` are left out,
-    /// and the recording does not open before someone puts them in.
+    /// Whether the camera is calibrated. If not, the manifest's `doorway` and `floor_points` are left out, and the
+    /// recording does not open until they are added.
     pub calibrated: bool,
     /// When it ends by itself.
     pub limits: RecordingLimits,
@@ -29,22 +29,22 @@ pub struct RecordingPlan {
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Written {
-    /// Frames.
+    /// Number of frames.
     pub frames: u64,
     /// Seconds from the first frame to the last.
     pub seconds: f64,
     /// Bytes of all files together.
     pub bytes: u64,
-    /// Frames that came but were no images, or not of the recording's size.
+    /// Frames that arrived but were not images, or not of the recording's size.
     pub skipped: u64,
-    /// The last one of those: its source and the reason.
+    /// The last of these: its source and the reason.
     pub last_skipped: Option<String>,
 }
 
 /// Writes frames into a recording's directory.
 ///
-/// The manifest is there first, then each frame's time and the frame: at any moment the directory is a recording with the
-/// frames so far, whatever happens to the writer.
+/// The manifest is written first, then for each frame its time and its images: at any moment the directory is a
+/// recording of the frames so far, whatever happens to the writer.
 #[derive(Debug)]
 pub struct RecordingWriter {
     directory: PathBuf,
@@ -56,9 +56,9 @@ pub struct RecordingWriter {
     first: Option<(u64, f64)>,
     /// Time of the last frame.
     last: Option<f64>,
-    /// To be added to the frames' own seconds.
+    /// Seconds added to the frames' own times.
     shift: f64,
-    /// Whether `background_frames` are final.
+    /// Whether `background_frames` is final.
     background_known: bool,
     manifest_bytes: u64,
     frame_bytes: u64,
@@ -66,13 +66,16 @@ pub struct RecordingWriter {
 }
 
 impl RecordingWriter {
-    /// Begins a recording in a directory that is empty or not there yet.
+    /// Begins a recording in a directory without one, creating it if needed.
+    ///
+    /// # Errors
+    /// If the directory has a recording, or part of one, or cannot be written.
     pub fn create(directory: &Path, mut plan: RecordingPlan) -> Result<Self, RecordError> {
         Self::check_free(directory)?;
         let frames = directory.join("frames");
         fs::create_dir_all(&frames).map_err(RecordError::write(&frames))?;
         if let Some(seconds) = plan.empty_seconds {
-            // As many as there should be; how many there are is known when they are there.
+            // The number expected at the nominal rate; the true number replaces it once it is known.
             let planned = (seconds * plan.manifest.fps).round().max(1.0) as u64;
             plan.manifest.background_frames = Some([0, planned]);
         }
@@ -98,7 +101,10 @@ impl RecordingWriter {
         Ok(writer)
     }
 
-    /// An error if the directory has a recording already, or some of one.
+    /// Checks that a recording can begin in a directory.
+    ///
+    /// # Errors
+    /// If the directory already has a recording, or part of one.
     pub fn check_free(directory: &Path) -> Result<(), RecordError> {
         let frames = directory.join("frames");
         let some = fs::read_dir(&frames).is_ok_and(|mut listing| listing.next().is_some());
@@ -113,17 +119,19 @@ impl RecordingWriter {
         &self.written
     }
 
-    /// Leaves so many numbers out: frames that never came, or could not be taken. Whoever reads the recording finds them
-    /// missing.
+    /// Skips `count` frame numbers, for frames that never arrived or could not be taken: readers of the recording find
+    /// them missing.
     pub fn pass_over(&mut self, count: u64) {
         self.next = self.next.saturating_add(count);
     }
 
-    /// Writes a frame, unless a limit is reached by it: then it says which. A frame that is no image is only counted.
+    /// Writes a frame, and returns the limit that ends the recording if it is reached. A frame beyond the limit of
+    /// seconds or bytes is not written; one that is not an image of the recording's size is only counted.
     ///
-    /// After an error nothing more can be written; what is there stays.
+    /// # Errors
+    /// If a file cannot be written. Nothing more can be written then; the frames before it remain.
     pub fn write(&mut self, frame: &RawFrame) -> Result<Option<End>, RecordError> {
-        // A recording's own numbers go on to be true of its copy; where a loop begins again, they grow on.
+        // The copy of a recording keeps its frame numbers; when a loop starts over, they continue upwards.
         let number = frame.index.map_or(self.next, |index| index.max(self.next));
         let encoded = match self.fitting(frame) {
             Ok(encoded) => encoded,
@@ -160,7 +168,10 @@ impl RecordingWriter {
         Ok(limits.frames.is_some_and(|limit| self.written.frames >= limit).then_some(End::Frames))
     }
 
-    /// Completes the manifest and waits until all of it is on the disk.
+    /// Completes the manifest and waits until the whole recording is on the disk.
+    ///
+    /// # Errors
+    /// If the manifest cannot be written, or the files cannot be synced.
     pub fn finish(mut self) -> Result<Written, RecordError> {
         if !self.background_known
             && let Some((first, _)) = self.first
@@ -182,8 +193,8 @@ impl RecordingWriter {
         encode(frame).map_err(|e| skipped(e.to_string()))
     }
 
-    /// A frame's time in the recording: a camera's counts from its first frame, a recording's stays what it was. Time never
-    /// goes back, where a loop begins again or a clock is set.
+    /// A frame's time in the recording: a camera's counts from its first frame, a recording's is kept. Where it would
+    /// go back, because a loop starts over or a clock was set, it continues one frame period after the last frame.
     fn seconds(&mut self, frame: &RawFrame) -> f64 {
         if self.first.is_none() && frame.index.is_none() {
             self.shift = -frame.seconds;
@@ -209,7 +220,8 @@ impl RecordingWriter {
         Ok(())
     }
 
-    /// The time first: a time without a frame means nothing, a frame without its time would get a wrong one.
+    /// Writes a frame's time, then its images: a time without a frame is ignored, a frame without its time would get a
+    /// wrong one.
     fn put(&mut self, number: u64, line: &str, encoded: &[(String, Cow<'_, [u8]>)]) -> Result<(), RecordError> {
         let before = self.times.length();
         self.times.add(line).map_err(RecordError::write(&self.directory.join("timestamps.csv")))?;
@@ -217,7 +229,7 @@ impl RecordingWriter {
             let path = self.directory.join("frames").join(format!("{number:08}{suffix}"));
             if let Err(reason) = write_whole(&path, bytes) {
                 self.times.cut(before);
-                // A left patch without its right one is no frame.
+                // A left patch without its right one is not a frame.
                 for (suffix, _) in encoded {
                     let _ = fs::remove_file(self.directory.join("frames").join(format!("{number:08}{suffix}")));
                 }
@@ -232,7 +244,7 @@ impl RecordingWriter {
     }
 }
 
-/// Writes `recording.json`, so that it survives a power cut; returns its length.
+/// Writes `recording.json` such that it survives a power cut; returns its length in bytes.
 fn write_manifest(directory: &Path, plan: &RecordingPlan) -> Result<u64, RecordError> {
     let path = directory.join("recording.json");
     let text = || {

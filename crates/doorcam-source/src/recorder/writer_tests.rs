@@ -50,14 +50,14 @@ fn what_is_written_opens_at_any_moment() {
     for k in 0..9_u8 {
         let bytes = [JPEG, &[k]].concat();
         assert_eq!(writer.write(&frame(1000.0 + f64::from(k) * 0.125, &bytes)).unwrap(), None);
-        // As it is when the program is killed here.
+        // What remains if the program is killed here.
         let recording = Recording::open(&path).unwrap();
         assert_eq!(recording.frames.len(), usize::from(k) + 1);
         let Entry { index, seconds, files: Files::Camera(file) } = recording.frames.last().unwrap() else { panic!() };
         assert_eq!((*index, *seconds), (u64::from(k), f64::from(k) * 0.125));
         assert_eq!(fs::read(file).unwrap(), bytes);
     }
-    // Half a second: frames 0 to 3 came before.
+    // Frames 0 to 3 came within the half second of the empty room.
     let interrupted = Recording::open(&path).unwrap();
     assert_eq!(interrupted.manifest.background_frames, Some([0, 4]));
     let written = writer.finish().unwrap();
@@ -143,7 +143,7 @@ fn a_recording_of_a_recording_keeps_its_numbers_and_times() {
     assert_eq!(recording.manifest.background_frames, Some([3, 5]));
     let mut times = seconds(&recording);
     times.retain(|&(index, _)| [3, 4, 7, 8, 9, 10].contains(&index));
-    // The second round goes on where the first one ended.
+    // The second round continues where the first one ended.
     assert_eq!(times[..4], [(3, 0.1 + 0.2), (4, 0.41), (7, 0.9), (8, 1.0)]);
     assert!((times[4].1 - 1.11).abs() < 1e-9 && (times[5].1 - 1.6).abs() < 1e-9, "{times:?}");
 }
@@ -197,7 +197,7 @@ proptest! {
         let times = dir.path().join("timestamps.csv");
         let whole = fs::read(&times).unwrap();
         fs::write(&times, &whole[..cut.min(whole.len())]).unwrap();
-        // And what it was writing.
+        // And the frame that was being written.
         fs::write(dir.path().join("frames/.00000012.jpg.part"), b"\xff").unwrap();
         let recording = Recording::open(dir.path()).unwrap();
         prop_assert_eq!(recording.frames.len(), 12);

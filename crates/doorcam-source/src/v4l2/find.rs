@@ -7,10 +7,10 @@ use super::super::camera::Fault;
 
 /// Where the kernel lists video nodes.
 const CLASS: &str = "/sys/class/video4linux";
-/// Where udev links them by their makers' names and serial numbers.
+/// Where udev links them by maker, model and serial number.
 const BY_ID: &str = "/dev/v4l/by-id";
 
-/// What tells a camera from others whatever its number is.
+/// Identifies a camera whatever the number of its node is.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Identity {
     card: String,
@@ -27,13 +27,13 @@ enum Device {
 }
 
 impl Identity {
-    /// Of a node such as `/dev/video0`; none if the kernel does not tell.
+    /// Identity of a node such as `/dev/video0`; none if the kernel does not list it.
     pub fn of(node: &Path) -> Option<Self> {
         let class = Path::new(CLASS).join(fs::canonicalize(node).ok()?.file_name()?);
         let read = |path: PathBuf| fs::read_to_string(path).ok().map(|text| text.trim().to_owned());
         let device = fs::canonicalize(class.join("device")).ok();
         let usb = device.as_deref().and_then(Path::parent).and_then(|usb| {
-            // A webcam without a serial number is known by its model.
+            // A webcam without a serial number is identified by its model alone.
             let serial = read(usb.join("serial")).unwrap_or_default();
             Some(Device::Usb([read(usb.join("idVendor"))?, read(usb.join("idProduct"))?, serial]))
         });
@@ -45,7 +45,7 @@ impl Identity {
     }
 }
 
-/// Video nodes in the order of their numbers.
+/// Video nodes, ordered by number.
 pub(super) fn nodes() -> Vec<PathBuf> {
     let mut numbers: Vec<u32> = fs::read_dir(CLASS)
         .into_iter()
@@ -64,7 +64,8 @@ pub(super) fn stable_name(node: &Path) -> Option<String> {
     Some(link.file_name().to_string_lossy().into_owned())
 }
 
-/// The node of the camera called `name`, which before was `known`.
+/// The node of the camera called `name`. Once its identity is `known`, it is found under other numbers too, and no
+/// other camera is accepted in its place.
 pub(super) fn node(name: &str, known: Option<&Identity>) -> Result<PathBuf, Fault> {
     let named = named(name);
     let Some(known) = known else {
@@ -119,7 +120,7 @@ pub(super) fn refused(node: &Path, error: &io::Error) -> Fault {
     }
 }
 
-/// A failed operation on an open or opening device, in words.
+/// Describes a failed operation on a device.
 pub(super) fn fault(node: &Path, what: &str, error: &io::Error) -> Fault {
     use rustix::io::Errno;
 
@@ -129,7 +130,7 @@ pub(super) fn fault(node: &Path, what: &str, error: &io::Error) -> Fault {
             Fault::absent(format!("{path}: unplugged; waiting for it to come back"))
         }
         Some(Errno::BUSY) => Fault::unusable(format!(
-            "{path}: in use by another program; close it (fuser {path} tells which one) and doorcam goes on"
+            "{path}: in use by another program; close it (fuser {path} names it) and doorcam continues"
         )),
         _ => Fault::unusable(format!("{path}: {what}: {error}")),
     }

@@ -19,19 +19,19 @@ use crate::camera::negotiation::Offer;
 pub struct CameraReport {
     /// `/dev/video0`
     pub node: String,
-    /// The name below /dev/v4l/by-id that stays the same whatever the number is; none if the system made none.
+    /// The name below /dev/v4l/by-id, which does not depend on the node's number; none if udev made none.
     pub stable_name: Option<String>,
-    /// The camera's name for itself.
+    /// The name that the camera reports.
     pub card: String,
     /// The kernel's driver.
     pub driver: String,
     /// Where it is plugged in.
     pub bus: String,
-    /// What it offers.
+    /// Pixel formats that it offers.
     pub formats: Vec<FormatReport>,
-    /// What can be set.
+    /// Controls that can be set.
     pub controls: Vec<ControlReport>,
-    /// Why the rest is missing: one line that says what to do.
+    /// Why the rest is missing, in one line that says what to do.
     pub error: Option<String>,
 }
 
@@ -40,7 +40,7 @@ pub struct CameraReport {
 pub struct FormatReport {
     /// The V4L2 code.
     pub format: String,
-    /// The driver's words for it.
+    /// The driver's description of it.
     pub description: String,
     /// Whether doorcam can use it.
     pub usable: bool,
@@ -55,7 +55,7 @@ pub struct SizeReport {
     pub size: [u32; 2],
     /// The smallest, where the camera has a range.
     pub smallest: Option<[u32; 2]>,
-    /// Frames a second that it can do; the highest and the lowest where it has a range.
+    /// Frames a second that the camera supports; the highest and the lowest where it has a range.
     pub fps: Vec<f64>,
 }
 
@@ -70,18 +70,18 @@ pub struct ControlReport {
     pub range: [i64; 2],
     /// Its value at power-on.
     pub default: i64,
-    /// What values mean, for menus.
+    /// Meaning of the values of a menu.
     pub menu: Vec<(u32, String)>,
-    /// Whether it has no effect now, mostly because an automatic is on.
+    /// Whether it has no effect now, usually because its automatic is on.
     pub inactive: bool,
 }
 
-/// Every camera of this machine, in the order of their numbers.
+/// Every camera of this machine, ordered by node number.
 pub fn cameras() -> Vec<CameraReport> {
     nodes().iter().filter_map(|node| report(node)).collect()
 }
 
-/// None for a node that gives no pictures.
+/// The report on a node; none if it captures no pictures.
 fn report(node: &Path) -> Option<CameraReport> {
     let mut report = CameraReport {
         node: node.display().to_string(),
@@ -105,7 +105,7 @@ fn report(node: &Path) -> Option<CameraReport> {
     report.driver = capabilities.driver;
     report.bus = capabilities.bus;
     report.formats = formats(&device);
-    // A webcam's second node, for metadata, calls itself a camera, too, and has no format.
+    // A webcam's second node, for metadata, also claims to capture video, but has no format.
     if report.formats.is_empty() {
         return None;
     }
@@ -113,7 +113,7 @@ fn report(node: &Path) -> Option<CameraReport> {
     Some(report)
 }
 
-/// Runs a query of the driver library, which panics on answers that it does not know.
+/// Runs a query of the v4l crate, which panics on unknown answers.
 fn guarded<T>(query: impl FnOnce() -> std::io::Result<T>) -> Option<T> {
     catch_unwind(AssertUnwindSafe(query)).ok()?.ok()
 }
@@ -129,7 +129,7 @@ fn formats(device: &Device) -> Vec<FormatReport> {
     listed.into_iter().map(report).collect()
 }
 
-/// A format's code as text; the kernel marks the big-endian ones by the top bit.
+/// A format's code as text; the kernel sets the top bit of big-endian ones.
 fn code_name(code: [u8; 4]) -> String {
     let letters: String = code.iter().map(|&b| char::from(b & 0x7f)).collect();
     let suffix = if code[3] & 0x80 != 0 { "-BE" } else { "" };
@@ -164,7 +164,8 @@ fn rates(device: &Device, format: FourCC, [width, height]: [u32; 2]) -> Vec<f64>
     rates
 }
 
-/// What a device offers of the formats that doorcam decodes. A range of sizes counts as offering the usual ones in it.
+/// A device's offers in formats that doorcam decodes. A range of sizes counts as its largest size and the usual ones in
+/// it.
 pub(super) fn offers(device: &Device) -> Vec<Offer> {
     const USUAL: [[u32; 2]; 7] =
         [[320, 240], [640, 360], [640, 480], [800, 600], [1280, 720], [1280, 960], [1920, 1080]];

@@ -1,7 +1,7 @@
-//! Cameras behind Linux's V4L2.
+//! Cameras through Linux's V4L2.
 //!
-//! The v4l crate panics on what it does not expect: everything here runs under [`Supervisor`](super::camera::Supervisor),
-//! which turns a panic into a fault of the camera.
+//! The v4l crate panics on unexpected answers of a driver: cameras run under
+//! [`Supervisor`](super::camera::Supervisor), which turns a panic into a fault of the camera.
 
 mod find;
 mod inventory;
@@ -19,7 +19,7 @@ use super::camera::{CameraOptions, Fault, Locked, Opener};
 pub struct V4l2Camera {
     name: String,
     options: CameraOptions,
-    /// Of the camera that was opened first: it is found again under another number.
+    /// Identity of the camera that was opened first, to find it again under another number.
     identity: Option<Identity>,
     locked: Arc<Locked>,
 }

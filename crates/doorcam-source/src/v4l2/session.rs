@@ -24,36 +24,36 @@ use crate::pool::BufferPool;
 use crate::sensor::{LumaMatrix, SensorFormat, SensorPixels};
 use crate::{Granted, Purpose, RawFrame, RawImages, SkippedFrame};
 
-/// Buffers that the driver fills: enough to bridge a moment in which this thread does not run.
+/// Buffers that the driver fills: enough to cover short times in which this thread does not run.
 const BUFFERS: u32 = 8;
-/// How often the controls are looked at: asking costs a webcam a transfer each.
+/// How often the controls are checked: each query costs a webcam a transfer.
 const RECHECK: Duration = Duration::from_secs(5);
 /// `POLLIN` of poll(2).
 const READABLE: i16 = 1;
 
-/// An open device that streams.
+/// An open, streaming device.
 pub struct V4l2Session {
     node: PathBuf,
     name: Arc<str>,
-    // Before the device: the stream's buffers are given back first.
+    // Declared before the device, so that the stream's buffers are released first.
     stream: Stream<'static>,
     device: Device,
     format: Granting,
     granted: Granted,
     settings: ControlSettings,
     locked: Arc<Locked>,
-    /// When the first frame came.
+    /// When the first frame arrived.
     first_frame: Option<Instant>,
     /// Whether the automatics have been locked.
     settled: bool,
-    /// When the controls were looked at.
+    /// When the controls were last checked.
     checked: Instant,
     sequence: Option<u32>,
     newest_only: bool,
     pool: BufferPool,
 }
 
-/// How the frames are laid out.
+/// Layout of the frames.
 #[derive(Debug, Clone, Copy)]
 enum Granting {
     Jpeg,
@@ -69,30 +69,30 @@ impl Controls for Device {
         }
     }
 
-    // One call a control: a call must not mix classes, and one refusal would undo the others.
+    // One call per control: a call must not mix classes, and one refusal would undo the others.
     fn set(&self, id: u32, value: i64) -> io::Result<()> {
         self.set_control(Control { id, value: Value::Integer(value) })
     }
 }
 
 impl V4l2Session {
-    /// Opens a node, agrees on a format and starts the stream.
+    /// Opens a node, negotiates a format and starts the stream.
     pub(super) fn open(node: &Path, options: &CameraOptions, locked: &Arc<Locked>) -> Result<Self, Fault> {
         let device = Device::with_path(node).map_err(|e| refused(node, &e))?;
-        let capabilities = device.query_caps().map_err(|e| fault(node, "is no camera", &e))?;
+        let capabilities = device.query_caps().map_err(|e| fault(node, "is not a camera", &e))?;
         let (format, pixels) = agree(node, &device, &options.wish)?;
         let fps = set_rate(&device, options.wish.fps).unwrap_or(options.wish.fps);
         locked.with(&capabilities.card, |locked| keep(&device, &options.controls, locked, false));
         let mut stream = Stream::with_buffers(&device, Type::VideoCapture, BUFFERS)
             .map_err(|e| fault(node, "gives no buffers", &e))?;
-        // `next` queues buffer 0 itself before it waits; the driver may have granted fewer than were asked for.
+        // `next` queues buffer 0 itself before it waits; the driver may have granted fewer than requested.
         for index in 1..BUFFERS as usize {
             if CaptureStream::queue(&mut stream, index).is_err() {
                 break;
             }
         }
         stream.start().map_err(|e| fault(node, "does not start", &e))?;
-        // Some cameras forget their controls when they start.
+        // Some cameras reset their controls when streaming starts.
         let kept = locked.with(&capabilities.card, |locked| keep(&device, &options.controls, locked, false));
         let granted = Granted {
             node: node.display().to_string(),
@@ -123,7 +123,7 @@ impl V4l2Session {
         Ok(session)
     }
 
-    /// Takes in how the controls are; true if that is news.
+    /// Stores the state of the controls; true if it has changed.
     fn told(&mut self, kept: Kept) -> bool {
         let controls: BTreeMap<String, i64> =
             kept.values.iter().map(|(name, value)| (name.to_string(), *value)).collect();
@@ -138,7 +138,7 @@ impl V4l2Session {
         match self.stream.handle().poll(READABLE, milliseconds) {
             Ok(count) => Ok(count > 0),
             Err(e) if e.kind() == io::ErrorKind::Interrupted => Ok(false),
-            Err(e) => Err(fault(&self.node, "cannot be waited for", &e)),
+            Err(e) => Err(fault(&self.node, "waiting for a frame failed", &e)),
         }
     }
 
@@ -177,9 +177,12 @@ impl Session for V4l2Session {
         loop {
             let (buffer, metadata) = match self.stream.next() {
                 Ok((buffer, metadata)) => (buffer, *metadata),
-                // Another reader cannot be, but a driver may wake us for nothing.
+                // Nothing else reads this stream, but a driver may signal a frame and have none.
                 Err(e) if matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => {
-                    return Err(Fault::unusable(format!("{}: woke up for no frame", self.node.display())));
+                    return Err(Fault::unusable(format!(
+                        "{}: the driver signalled a frame but had none",
+                        self.node.display()
+                    )));
                 }
                 Err(e) => return Err(fault(&self.node, "stopped", &e)),
             };
@@ -187,7 +190,7 @@ impl Session for V4l2Session {
             // Sequence numbers may start anywhere and wrap around.
             let gap = self.sequence.map_or(0, |last| metadata.sequence.wrapping_sub(last).wrapping_sub(1));
             self.sequence = Some(metadata.sequence);
-            // A driver that starts to count anew, or does not count, has lost nothing that it knows of.
+            // A huge gap means that the driver restarted its count, or does not count: no losses are known.
             lost += if gap < u32::MAX / 2 { u64::from(gap) } else { 0 };
             let newer = self.newest_only && handle.poll(READABLE, 0).is_ok_and(|count| count > 0);
             if newer {
@@ -216,7 +219,8 @@ impl Session for V4l2Session {
     }
 }
 
-/// Seconds of the machine's monotonic clock, and the time of day, at which a frame was captured.
+/// When a frame was captured: seconds of the monotonic clock, and time of day. Without a usable time stamp, the former
+/// is now and the latter none.
 fn capture_time(metadata: &Metadata) -> (f64, Option<Timestamp>) {
     let stamp = Duration::from(metadata.timestamp);
     let monotonic = metadata.flags & Flags::TIMESTAMP_MASK == Flags::TIMESTAMP_MONOTONIC;
@@ -234,12 +238,12 @@ fn monotonic_now() -> Duration {
     Duration::new(u64::try_from(now.tv_sec).unwrap_or(0), u32::try_from(now.tv_nsec).unwrap_or(0))
 }
 
-/// Sets the best format that the device really grants: a driver may answer with another than it was asked for.
+/// Sets the best format that the device actually grants: a driver may grant another than the one requested.
 fn agree(node: &Path, device: &Device, wish: &Wish) -> Result<(Format, PixelFormat), Fault> {
     let offered = offers(device);
     let mut wanted = ranked(wish, &offered);
     if offered.is_empty() {
-        // A driver that does not list its formats is asked for each.
+        // The driver does not list its formats: try each.
         wanted.extend(wish.formats.iter().map(|&format| Offer { format, size: wish.size, fps: None }));
     }
     let mut refusal = None;
@@ -268,7 +272,7 @@ fn agree(node: &Path, device: &Device, wish: &Wish) -> Result<(Format, PixelForm
     })
 }
 
-/// Asks for a rate; returns what was granted, if the driver tells.
+/// Requests a rate; returns the one granted, if the driver reports it.
 fn set_rate(device: &Device, fps: f64) -> Option<f64> {
     let interval = Fraction::new(1000, (fps * 1000.0).round().clamp(1.0, 1e6) as u32);
     let granted = device.set_params(&Parameters::new(interval)).ok()?.interval;
@@ -289,7 +293,7 @@ fn granting(format: &Format, pixels: PixelFormat) -> Granting {
         SensorPixels::Rgb24 => 3 * width,
         SensorPixels::Nv12 | SensorPixels::Grey => width,
     };
-    // As V4L2 maps its defaults: luma is in the limited range but for JPEG's own colour space; grey and RGB are full.
+    // As V4L2_MAP_QUANTIZATION_DEFAULT: RGB and JPEG's colour space have the full range, all else the limited range.
     let full_range = match format.quantization {
         Quantization::FullRange => true,
         Quantization::LimitedRange => false,

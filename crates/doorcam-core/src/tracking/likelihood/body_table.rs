@@ -7,33 +7,33 @@ use crate::geometry::{Doorway, Side};
 use crate::light::FanPair;
 use crate::transport::{Body, FloorView, PatchGrid};
 
-/// Azimuths of the table, from wall to wall.
+/// Number of azimuths, from wall to wall.
 const AZIMUTHS: usize = 73;
-/// Distances of the table.
+/// Number of distances.
 const RANGES: usize = 48;
-/// The log of its nearest distance, in metres: a quarter of a metre.
+/// Log of the nearest distance, 0.25 m.
 const NEAREST: f64 = -1.386_294_361_119_890_6;
-/// From one distance to the next: 7 %.
+/// Step of the log of the distance: 7 %.
 const RANGE_STEP: f64 = 0.07;
-/// From one azimuth to the next: 2.5 degrees.
+/// Step of the azimuth: 2.5 degrees.
 const AZIMUTH_STEP: f64 = std::f64::consts::PI / (AZIMUTHS - 1) as f64;
-/// Log of the factor between two radii, from which a body's change with its radius is taken.
+/// Step of the log of the radius, for the finite difference by which a body's derivative by its radius is computed.
 const RADIUS_STEP: f64 = 0.1;
-/// Pixels of a fan's cell that one floor point stands for.
+/// Most pixels of a fan's cell that one floor point stands for.
 const GROUP: usize = 4;
 
-/// What a body of unit radiance adds to the mean light of each cell of both fans, for bodies at places all over the room.
-/// Between these it is interpolated by cubics.
+/// Change of the mean light of each cell of both fans by a body of unit radiance, for a table of places all over the
+/// hidden room, interpolated with cubics in between.
 #[derive(Debug, Clone)]
 pub struct BodyTable {
-    /// Per side, the cells of the first place, the second, ...; places by distance, then azimuth.
+    /// Per side, one column of cells for each place; places are ordered by distance, then azimuth.
     pub(super) columns: [Columns; 2],
-    /// The same for what they gain by each unit of the log of the radius.
+    /// Derivatives of `columns` by the log of the radius.
     pub(super) by_radius: [Columns; 2],
 }
 
 impl BodyTable {
-    /// For a body's radius and height, in metres. Places are evaluated in parallel.
+    /// Computes the table for a body's radius and height, in metres. Places are evaluated in parallel.
     pub fn new(doorway: &Doorway, patch: &PatchGrid, fans: &FanPair, radius_m: f64, height_m: f64) -> Self {
         let columns = |radius_m: f64, s: usize| {
             let side = Side::BOTH[s];
@@ -59,7 +59,7 @@ impl BodyTable {
         Self { columns: table.each_ref().map(Columns::new), by_radius }
     }
 
-    /// The place of that number.
+    /// The place of a column.
     pub(super) fn place(number: usize) -> Place {
         Place {
             azimuth: (number % AZIMUTHS) as f64 * AZIMUTH_STEP - std::f64::consts::FRAC_PI_2,
@@ -67,7 +67,7 @@ impl BodyTable {
         }
     }
 
-    /// The nearest place that the table holds with all that interpolation needs.
+    /// The nearest place that has all the neighbours needed for interpolation.
     pub(super) fn clamp(place: Place) -> Place {
         let inner = |value: f64, from: f64, step: f64, count: usize| {
             value.clamp(from + step, from + step * ((count - 2) as f64 - 1e-9))
@@ -78,7 +78,8 @@ impl BodyTable {
         }
     }
 
-    /// The 16 places around one, as indices, with their weights for the value and its two derivatives.
+    /// The 16 columns around a place, as indices, with their weights for the value and for its derivatives by azimuth
+    /// and log range.
     pub(super) fn stencil(at: Place) -> [(usize, [f32; 3]); 16] {
         let at = Self::clamp(at);
         let (column, across) = cubic((at.azimuth + std::f64::consts::FRAC_PI_2) / AZIMUTH_STEP);
@@ -93,9 +94,9 @@ impl BodyTable {
     }
 }
 
-/// The node before `t` and the weights, with their derivatives, of the four nodes around it: Catmull and Rom's cubic.
+/// Catmull-Rom cubic: the node before `t`, and weights and their derivatives for the four nodes around `t`.
 fn cubic(t: f64) -> (usize, [[f64; 2]; 4]) {
-    // At the table's edge, rounding may put `t` just below the first node that has a neighbour.
+    // At the table's edge, rounding may put `t` just below the first node that has a neighbour before it.
     let t = t.max(1.0);
     let node = t.floor();
     let u = t - node;
@@ -131,7 +132,7 @@ mod tests {
         for corner in corners.into_iter().flatten() {
             let place = BodyTable::clamp(corner);
             let stencil = BodyTable::stencil(corner);
-            // Four neighbours in each of four neighbouring rows.
+            // Four consecutive columns in each of four consecutive rows.
             let first = stencil[0].0;
             for (k, (number, _)) in stencil.iter().enumerate() {
                 assert_eq!(*number, first + k / 4 * AZIMUTHS + k % 4, "{corner:?}");

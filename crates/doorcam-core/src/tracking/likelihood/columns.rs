@@ -1,16 +1,16 @@
 use nalgebra::DMatrix;
 
-/// Columns of numbers, each known to 1/65534 of its largest magnitude: in half the memory of f32, and far more exact than
-/// what is interpolated between neighbouring columns.
+/// Columns of numbers in 16 bits, exact to 1/65534 of the largest magnitude in their column: half the memory of f32,
+/// with an error far below that of interpolating between neighbouring columns.
 #[derive(Debug, Clone)]
 pub(super) struct Columns {
-    /// One column after the other, each in units of its step.
+    /// Column-major, in units of each column's step.
     values: Vec<i16>,
     steps: Vec<f32>,
 }
 
 impl Columns {
-    /// Of the columns of a matrix.
+    /// Quantises the columns of a matrix.
     pub fn new(matrix: &DMatrix<f32>) -> Self {
         let steps: Vec<f32> = matrix.column_iter().map(|column| column.amax() / f32::from(i16::MAX)).collect();
         let units = |(column, &step): (&[f32], &f32)| {
@@ -23,18 +23,18 @@ impl Columns {
         Self { values, steps }
     }
 
-    /// Numbers in each column.
+    /// Length of each column.
     pub fn rows(&self) -> usize {
         self.values.len() / self.steps.len().max(1)
     }
 
-    /// A column in units of a step, and the step.
+    /// A column in units of its step, and the step.
     pub fn column(&self, number: usize) -> (&[i16], f32) {
         let rows = self.rows();
         (&self.values[number * rows..][..rows], self.steps[number])
     }
 
-    /// The columns of a matrix.
+    /// The columns as a matrix.
     pub fn matrix(&self) -> DMatrix<f32> {
         DMatrix::from_fn(self.rows(), self.steps.len(), |row, number| {
             let (column, step) = self.column(number);

@@ -7,75 +7,76 @@ use crate::geometry::{Doorway, Room, Side};
 use crate::light::{FanPair, PatchPair};
 use crate::transport::{FloorView, PatchGrid};
 
-/// Smooth changes of the walls' light: half waves from wall to wall, and the constant.
+/// Number of modes for smooth changes of the walls' light: half waves from wall to wall, and a constant.
 const MODES: usize = 30;
-/// How strong the first of them may be: standard deviation, as a share of the floor's level.
+/// Standard deviation of the first mode, as a share of the floor's level.
 const MODE_SHARE: f64 = 0.1;
-/// The k-th may be k to the minus this of it: between what steps of light do (1) and what bends do (2).
+/// The k-th mode has a standard deviation of k^(−this) times the first: between steps of light (1) and bends (2).
 const MODE_DECAY: f64 = 1.5;
-/// How far beyond the walls that are known bodies may be, in metres: rooms are not measured to the centimetre.
+/// How far beyond the known walls bodies may be, in metres, because rooms are not measured to the centimetre.
 const BEYOND_M: f64 = 0.2;
-/// Height of the room, for these.
+/// Height of the walls for the modes of their light, in metres.
 const ROOM_HEIGHT_M: f64 = 2.4;
-/// Standard deviation of what may be of any strength, in units of what it is in full: more than it ever is.
+/// Prior standard deviation of nuisance patterns, in units of their largest strength. Large enough not to restrain
+/// them.
 const ANY_STRENGTH: f64 = 2.0;
-/// Pixels of a fan's cell that one floor point stands for.
+/// Most pixels of a fan's cell that one floor point stands for.
 const GROUP: usize = 6;
 
-/// What a likelihood is made of.
+/// Inputs of [`Likelihood::new`].
 pub struct LikelihoodSpec<'a> {
     /// The doorway.
     pub doorway: &'a Doorway,
-    /// The room.
+    /// The hidden room.
     pub room: &'a Room,
     /// The patches.
     pub patch: &'a PatchGrid,
-    /// How their pixels are gathered.
+    /// Cells into which the patches' pixels are grouped.
     pub fans: &'a FanPair,
-    /// What bodies do to them.
+    /// Effect of bodies on these cells.
     pub table: &'a BodyTable,
-    /// Per side and pixel, one over the noise's standard deviation; 0 where there is none to be had.
+    /// Per side and pixel, the inverse standard deviation of the noise; 0 where it is not known.
     pub weights: &'a [Vec<f64>; 2],
-    /// Per side, patterns over the pixels that may be in a difference at any strength, as strong as they could be at most.
+    /// Per side, nuisance patterns over the pixels, in linear light at their largest possible strength.
     pub patterns: [Vec<Vec<f64>>; 2],
-    /// Frames of the empty room, or none.
+    /// Frames of the empty room; may be empty.
     pub empty: &'a [&'a PatchPair],
-    /// The empty room's level, relative to full scale.
+    /// Mean light of the empty room on the floor, relative to full scale.
     pub level: f64,
 }
 
-/// Turns differences into numbers with independent noise of unit variance, and bodies into what they do to these.
+/// Whitens differences (to numbers with independent noise of unit variance), and bodies likewise.
 #[derive(Debug, Clone)]
 pub struct Likelihood {
     fans: FanPair,
-    /// Per side, what whitens: of as many rows and columns as the fan has cells.
+    /// Per side, the whitening matrix (cells of the fan x cells of the fan).
     whiten: [DMatrix<f32>; 2],
     pub(super) bodies: Whitened,
-    /// The level of the empty room: the scale of radiances.
+    /// Light level of the empty room, the scale of radiances.
     pub(super) level: f64,
     walls: Room,
 }
 
-/// A difference, whitened.
+/// A whitened difference.
 #[derive(Debug, Clone)]
 pub struct Measured {
     means: [DVector<f32>; 2],
-    /// Per side and colour.
+    /// Whitened values per side and colour.
     pub(super) values: [[DVector<f32>; 3]; 2],
-    /// Their squares' sum.
+    /// Sum of the squared values.
     pub(super) energy: f64,
-    /// How many they are.
+    /// Number of values.
     pub(super) count: f64,
 }
 
-/// In how many directions noise of the empty room is more than white noise where there are no frames to tell: compression
-/// and interpolation.
+/// Assumed variance of the empty room's noise after whitening, where there are too few frames to measure it. More than
+/// 1, because compression and interpolation correlate neighbouring pixels.
 const COLOURED: f64 = 4.0;
-/// Frames of the empty room from which on they tell.
+/// Fewest frames of the empty room from which that variance is measured.
 const ENOUGH: usize = 4;
 
 impl Likelihood {
-    /// Builds what is needed for every frame. None if noise and patterns leave nothing.
+    /// Precomputes what is needed for every frame. `None` if the covariance of the cells is singular.
     pub fn new(spec: &LikelihoodSpec<'_>) -> Option<Self> {
         let white = [whitening(spec, 0)?, whitening(spec, 1)?];
         let excess = excess(spec, &white).unwrap_or(COLOURED).max(1.0);
@@ -84,7 +85,7 @@ impl Likelihood {
         Some(Self { fans: spec.fans.clone(), whiten, bodies, level: spec.level, walls: *spec.room })
     }
 
-    /// The nearest place along the same azimuth that is in the room, as far as walls are known.
+    /// The nearest place at the same azimuth that is inside the room, with a tolerance for its walls.
     pub(super) fn inside(&self, place: Place) -> Place {
         let place = BodyTable::clamp(place);
         let [x, y] = place.point();
@@ -93,7 +94,7 @@ impl Likelihood {
         BodyTable::clamp(Place { log_range: place.log_range - beyond.max(1.0).ln(), ..place })
     }
 
-    /// Room for a frame.
+    /// A workspace for [`Self::measure`].
     pub fn room(&self) -> Measured {
         let zeros = |s: usize| DVector::zeros(self.whiten[s].nrows());
         Measured {
@@ -104,7 +105,7 @@ impl Likelihood {
         }
     }
 
-    /// Whitens a difference.
+    /// Whitens a difference into `out`.
     pub fn measure(&self, difference: &PatchPair, out: &mut Measured) {
         out.energy = 0.0;
         for (s, (fan, patch)) in self.fans.with(difference).into_iter().enumerate() {
@@ -117,7 +118,7 @@ impl Likelihood {
     }
 }
 
-/// The variance of the empty room's own frames once they are whitened, which is 1 for white noise.
+/// Variance of the empty room's frames after whitening, which is 1 for white noise; `None` with too few frames.
 fn excess(spec: &LikelihoodSpec<'_>, whiten: &[DMatrix<f64>; 2]) -> Option<f64> {
     let frames = spec.empty;
     if frames.len() < ENOUGH {
@@ -140,11 +141,12 @@ fn excess(spec: &LikelihoodSpec<'_>, whiten: &[DMatrix<f64>; 2]) -> Option<f64> 
     Some(energy / (count * (frames.len() - 1)) as f64)
 }
 
-/// The inverse of the lower Cholesky factor of noise, patterns and smooth light of the walls, cell by cell.
+/// Inverse of the lower Cholesky factor of the cells' covariance: noise, nuisance patterns and smooth light of the
+/// walls.
 fn whitening(spec: &LikelihoodSpec<'_>, s: usize) -> Option<DMatrix<f64>> {
     let fan = spec.fans.sides()[s];
     let weights = &spec.weights[s];
-    // A mean of n values has 1/n² of their variances' sum; a pixel without a weight counts as one of the noisiest.
+    // The variance of a mean of n values is 1/n² of the sum of theirs. A pixel without a weight counts as the noisiest.
     let least = weights.iter().copied().filter(|&w| w > 0.0).fold(f64::INFINITY, f64::min);
     let variance = |k: usize| weights[k].max(least).powi(-2);
     let noise: Vec<f64> = (fan.means(variance).into_iter().zip(fan.counts())).map(|(v, &n)| v / f64::from(n)).collect();
@@ -162,7 +164,7 @@ fn whitening(spec: &LikelihoodSpec<'_>, s: usize) -> Option<DMatrix<f64>> {
     inverse.iter().all(|v| v.is_finite()).then_some(inverse)
 }
 
-/// What smooth light of the walls does to each cell, mode by mode.
+/// Effect of each mode of the walls' light on each cell.
 fn wall_modes(spec: &LikelihoodSpec<'_>, s: usize) -> Vec<DVector<f64>> {
     let fan = spec.fans.sides()[s];
     let mut modes = vec![DVector::zeros(fan.len()); MODES];

@@ -1,9 +1,9 @@
-//! Whom a difference measurement shows, anywhere in the room: positions between the facets of the grid, with their errors.
+//! Finds people in a difference measurement, at continuous positions between the facets of the grid, with their errors.
 //!
-//! A person is a vertical cylinder that is brighter or darker than what is behind it by one radiance at each edge. Besides
-//! people, the difference has what exposure, lamps and drift do (of any strength), smooth changes of the walls' light that
-//! a person's shadows and reflections make (of a strength known in advance, roughly), and noise. All of these but the
-//! people's places are linear with Gaussian priors, and are integrated out.
+//! A person is a vertical cylinder that is brighter or darker than what is behind it, by one radiance per edge. The
+//! difference also contains nuisance from exposure, lamps and drift (of any strength), smooth changes of the walls'
+//! light from people's shadows and reflections (of roughly known strength), and noise. All unknowns except the people's
+//! places and radii are linear with Gaussian priors, and are integrated out.
 
 mod body_table;
 mod columns;
@@ -19,5 +19,5 @@ pub use body_table::BodyTable;
 pub use measured::{Likelihood, LikelihoodSpec, Measured};
 pub use search::Finder;
 
-/// People that are looked for at once at most.
+/// Most people found at once.
 pub const MOST_PEOPLE: usize = 6;

@@ -2,9 +2,9 @@ use nalgebra::{Matrix2, Vector2};
 
 use crate::geometry::Point;
 
-/// A place in polar coordinates around the middle of the doorway: azimuth, in radians, 0 straight into the room and positive
-/// to the right, and the log of the distance in metres. What a patch says about a person is nearly Gaussian in these, much
-/// more uncertain along the second than across.
+/// A place in polar coordinates around the middle of the doorway (door frame): azimuth in radians, 0 straight into the
+/// hidden room and positive to the right, and the log of the distance in metres. What a patch says about a person is
+/// nearly Gaussian in these coordinates, with much more uncertainty in the second.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Place {
     pub azimuth: f64,

@@ -5,28 +5,29 @@ use super::place::Place;
 use super::{Likelihood, MOST_PEOPLE, Measured};
 use crate::scene::Rgb;
 
-/// Radiances of a person: left and right.
+/// Radiances per colour: one at each edge (left, right) per person.
 const R: usize = 2 * MOST_PEOPLE;
 /// Unknowns of a body: azimuth, log range, log radius.
 const SHAPE: usize = 3;
 const P: usize = SHAPE * MOST_PEOPLE;
-/// Values and derivatives a person.
+/// Columns per person: the body and its derivatives.
 const EACH: usize = 1 + SHAPE;
 const COLUMNS: usize = EACH * MOST_PEOPLE;
-/// How bright or dark people are, alike at both edges: standard deviation, in units of the empty room's level.
+/// Prior standard deviation of the part of a person's radiance that both edges share, in units of the empty room's
+/// level.
 const RADIANCE: f64 = 3.0;
-/// By how much that differs from edge to edge.
+/// Prior standard deviation of the part that is independent at each edge, in the same units.
 const BETWEEN_EDGES: f64 = 0.5;
-/// Steps at most.
+/// Most steps of a refinement.
 const STEPS: usize = 5;
-/// A step is at most so long: in radians, in the log of the distance and in that of the radius.
+/// Largest step in azimuth (radians), in the log of the distance and in the log of the radius.
 const LONGEST: [f64; SHAPE] = [0.1, 0.15, 0.1];
-/// How people's radii differ: standard deviation of the log.
+/// Prior standard deviation of the log of a person's radius.
 const RADIUS_SPREAD: f64 = 0.07;
-/// A shorter step is the last.
+/// Refinement stops after a step shorter than this.
 const SHORTEST: f64 = 1e-3;
 
-/// A step that gains less (in twice the log likelihood) is the last.
+/// Refinement stops after a step that gains less than this, in twice the log likelihood.
 const LEAST_GAIN: f64 = 0.02;
 
 type Radiances = SMatrix<f64, R, R>;
@@ -39,7 +40,7 @@ pub(super) struct Prior {
     pub information: Matrix2<f64>,
 }
 
-/// A person as far as one frame is concerned.
+/// A person in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Candidate {
     pub place: Place,
@@ -48,13 +49,13 @@ pub(super) struct Candidate {
     pub prior: Option<Prior>,
     /// Radiance at the left and the right edge.
     pub radiance: [Rgb; 2],
-    /// How much better the measurement is explained with this person than without, in units of the noise's variance.
+    /// How much better the measurement is explained with this person than without, in units of the noise variance.
     pub significance: f64,
-    /// The same by one edge alone, the one that shows this person less.
+    /// The significance at one edge alone, the one that shows this person less.
     pub weaker: f64,
-    /// Twice the log of the evidence for this person: the same, less what radiances that fit by chance would reach.
+    /// Twice the log of the evidence for this person: the significance less what free radiances would gain by chance.
     pub evidence: f64,
-    /// What the measurement alone, given the others, says about the place: the inverse of its covariance.
+    /// Inverse covariance of the place from the measurement alone, given the others.
     pub information: Matrix2<f64>,
 }
 
@@ -74,43 +75,44 @@ impl Candidate {
     }
 }
 
-/// What people do not explain.
+/// What people leave unexplained.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Left {
-    /// Of the measurement: a sum of squares, in units of the noise's variance.
+    /// Of the measurement: a sum of squares, in units of the noise variance.
     pub misfit: f64,
-    /// How far they are from where they were expected: a squared Mahalanobis distance.
+    /// Of the priors on places and radii: a squared Mahalanobis distance.
     pub surprise: f64,
 }
 
 impl Left {
-    /// Twice the negative log likelihood for noise of a variance.
+    /// Twice the negative log likelihood for a given noise variance.
     pub fn cost(&self, noise: f64) -> f64 {
         self.misfit / noise + self.surprise
     }
 }
 
-/// Room for refining, and what is known of a frame.
+/// Workspace for refining people in a frame.
 #[derive(Debug, Clone)]
 pub(super) struct Refiner {
-    /// Per side and person: the body and its derivatives.
+    /// Per side and person: the effect of the body on the measurement, and its derivatives.
     bodies: [Vec<[Vec<f32>; EACH]>; 2],
-    /// Per side, the products of all of these with each other, and with each colour of the measurement.
+    /// Per side, the inner products of all of these with each other.
     products: [SMatrix<f64, COLUMNS, COLUMNS>; 2],
+    /// Per side, their inner products with each colour of the measurement.
     measured: [SMatrix<f64, COLUMNS, 3>; 2],
 }
 
-/// The best radiances for given places.
+/// The best radiances for given places and radii.
 struct Fit {
-    /// The inverse of their covariance, factored.
+    /// Cholesky factor of their inverse covariance.
     radiances: Cholesky<f64, Const<R>>,
-    /// Per colour: left of each person, then right of each.
+    /// Per colour: at the left edge for each person, then at the right edge.
     radiance: [SVector<f64, R>; 3],
-    /// Variances of the radiances' prior: alike at both edges, and apart.
+    /// Prior variances of the radiances: the part shared by both edges, and the part independent at each.
     prior: (f64, f64),
-    /// What is left: of the measurement, and of the priors on radiances.
+    /// Residual of the measurement, with the penalty of the priors on radiances.
     misfit: f64,
-    /// What the priors on places and radii add.
+    /// Penalty of the priors on places and radii.
     surprise: f64,
 }
 
@@ -123,9 +125,9 @@ impl Refiner {
         Self { bodies: [bodies(0), bodies(1)], products: [SMatrix::zeros(); 2], measured: [SMatrix::zeros(); 2] }
     }
 
-    /// Moves people to where they explain a measurement best, all at once: Gauss and Newton's steps on the places, with the
-    /// radiances that are best for each place (Kaufman's variable projection), damped as Levenberg and Marquardt do. Returns
-    /// what is left.
+    /// Moves all people at once to where they explain a measurement best: Gauss-Newton steps on places and radii, with
+    /// the radiances that are optimal for them (Kaufman's variable projection) and Levenberg-Marquardt damping. Returns
+    /// what is left unexplained.
     pub fn refine(&mut self, likelihood: &Likelihood, frame: &Measured, people: &mut [Candidate]) -> Left {
         if people.is_empty() {
             return Left { misfit: frame.energy, surprise: 0.0 };
@@ -191,7 +193,7 @@ impl Refiner {
                 }
             }
         }
-        // Unknowns beyond those in use stand on their own.
+        // Unused unknowns get an identity block.
         let mut information = Radiances::identity();
         let (together, apart) = ((RADIANCE * likelihood.level).powi(2), (BETWEEN_EDGES * likelihood.level).powi(2));
         // The inverse of [[v + d, v], [v, v + d]].
@@ -206,7 +208,7 @@ impl Refiner {
                 information[(s * count + i, (1 - s) * count + i)] = of_both;
             }
         }
-        // Positive definite, as the sum of a Gram matrix and a prior; the identity stands for what rounding breaks.
+        // A Gram matrix plus a prior is positive definite; the scaled identity is a fallback against rounding.
         let radiances = Cholesky::new(information).or_else(|| Cholesky::new(Radiances::identity() * 1e12));
         let radiances = radiances.unwrap_or_else(|| Cholesky::pack_dirty(Radiances::identity()));
         let mut misfit = frame.energy;
@@ -226,14 +228,14 @@ impl Refiner {
         Fit { radiances, radiance, prior: (together, apart), misfit, surprise }
     }
 
-    /// The Hessian and the downhill gradient of half the objective by azimuth, log range and log radius of each person.
+    /// Hessian and negative gradient of half the objective, by azimuth, log range and log radius of each person.
     fn normal_equations(&self, fit: &Fit, people: &[Candidate], noise: f64) -> (Shapes, SVector<f64, P>) {
         let count = people.len();
         let mut hessian = Shapes::identity();
         hessian.view_mut((0, 0), (SHAPE * count, SHAPE * count)).fill(0.0);
         let mut gradient = SVector::zeros();
         for c in 0..3 {
-            // Radiances against places.
+            // Mixed derivatives by radiances and shapes.
             let mut mixed = SMatrix::<f64, R, P>::zeros();
             for s in 0..2 {
                 let radiance = |k: usize| fit.radiance[c][s * count + k];
@@ -268,7 +270,7 @@ impl Refiner {
         (hessian, gradient)
     }
 
-    /// Fills in what is known about each person at the best places.
+    /// Fills in the results for each person at the best fit.
     fn describe(&self, fit: &Fit, people: &mut [Candidate], noise: f64) {
         let count = people.len();
         let covariance = fit.radiances.inverse();
@@ -286,7 +288,8 @@ impl Refiner {
             });
             let by_edge = |s: usize| person.radiance[s].iter().map(|r| r * r).sum::<f64>() / (noise * block[(s, s)]);
             person.weaker = by_edge(0).min(by_edge(1));
-            // The prior's and the posterior's volume, per colour: the closer to the door, the smaller the second.
+            // Volume of the prior relative to the posterior, for three colours: the closer to the door, the smaller the
+            // posterior.
             person.evidence = person.significance
                 - 3.0 * (prior_determinant / (noise * block).determinant().max(f64::MIN_POSITIVE)).ln();
             let all = places.and_then(|p| p.fixed_view::<2, 2>(SHAPE * k, SHAPE * k).into_owned().try_inverse());
@@ -296,7 +299,7 @@ impl Refiner {
     }
 }
 
-/// In eight sums, which the compiler keeps in one register.
+/// Dot product in eight partial sums, which the compiler keeps in one register.
 fn dot(a: &[f32], b: &[f32]) -> f64 {
     let mut sums = [0.0_f32; 8];
     let (left, right) = (a.chunks_exact(8), b.chunks_exact(8));

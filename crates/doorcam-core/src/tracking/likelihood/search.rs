@@ -7,28 +7,29 @@ use crate::geometry::{Doorway, Point};
 use crate::light::PatchPair;
 use crate::tracking::{Covariance, Detection, Prediction};
 
-/// Evidence (twice a log likelihood ratio) that it takes to believe in somebody who was not expected.
+/// Least evidence (twice a log likelihood ratio) for a person who was not expected.
 const NEW: f64 = 32.0;
-/// Of what each other person explains, the share that somebody new must explain: less may be the other's shadow and light,
-/// which are not in the model.
+/// Least significance of a new person relative to that of each other person. Less may be the other's shadow or
+/// reflected light, which the model does not contain.
 const SHARE: f64 = 0.1;
-/// How much brighter or darker than what is behind people are at least, as a share of the floor's level: what is fainter
-/// and still shows is near the door, and noise there.
+/// Least contrast of a person with what is behind, relative to the floor's level. Fainter candidates that still show
+/// are noise near the door.
 const LEAST_CONTRAST: f64 = 0.1;
-/// What each edge by itself must show: somebody whom only one edge shows may be anything along a line.
+/// Least significance at each edge by itself. What only one edge shows may be anything along a line.
 const EACH_EDGE: f64 = 12.0;
-/// Of these, the share that it takes to believe that somebody is still there.
+/// Share of the last three limits that an expected person must reach.
 const KEPT: f64 = 0.9;
-/// Seeds that are tried, the strongest first.
+/// Most seeds that are tried, strongest first.
 const TRIED: usize = 3;
-/// Azimuths, in radians, that differ by less may be of one person, whose distance is what is least known.
+/// Largest difference in azimuth, in radians, at which a seed may be a person already found, at another distance.
+/// Distance is the least certain coordinate.
 const ALONG: f64 = 0.5;
-/// What a model of a body is off, in radians at each edge, standard deviation.
+/// Standard deviation of the body model's error, in radians at each edge.
 const ANGLE_ERROR: f64 = 0.006;
-/// For how long it stays off in the same way, in seconds.
+/// How long that error stays the same, in seconds.
 const ERROR_LASTS_S: f64 = 0.8;
 
-/// Finds people in one frame after another.
+/// Finds people in successive frames.
 #[derive(Debug, Clone)]
 pub struct Finder {
     doorway: Doorway,
@@ -42,7 +43,7 @@ pub struct Finder {
 }
 
 impl Finder {
-    /// People of a radius, in metres, by what a likelihood says.
+    /// A finder for people with the given radius, in metres.
     pub fn new(doorway: Doorway, likelihood: Likelihood, body_radius_m: f64) -> Self {
         Self {
             doorway,
@@ -56,8 +57,9 @@ impl Finder {
         }
     }
 
-    /// Whom a difference shows, `elapsed_s` after the frame before: of those who are expected, whoever is still there, and of
-    /// the seeds (middles of what the map shows, strongest first) those that nobody else explains.
+    /// Finds the people in a difference, `elapsed_s` seconds after the previous frame: those of the `expected` people
+    /// who are still there, and people at those of the `seeds` that nobody else explains. Seeds are the centres of what
+    /// the map shows, in metres in the door frame, strongest first. Detections come with the most significant first.
     pub fn find(
         &mut self,
         difference: &PatchPair,
@@ -83,7 +85,7 @@ impl Finder {
         &self.found
     }
 
-    /// Drops who is not there, one after the other.
+    /// Drops people who are not credible, one at a time.
     fn prune(&mut self, mut left: Left) -> Left {
         loop {
             let doubtful = |k: &usize| !self.is_credible(*k, 0.0, KEPT);
@@ -96,8 +98,8 @@ impl Finder {
         }
     }
 
-    /// Whether somebody is there, rather than noise or what another person does: by evidence of at least `least`, and by
-    /// contrast and by what they explain beside the others, each `strict` times what is asked of somebody new.
+    /// Whether somebody is there, rather than noise or an effect of another person: evidence of at least `least`, and
+    /// contrast and significance of at least `strict` times the limits for a new person.
     fn is_credible(&self, k: usize, least: f64, strict: f64) -> bool {
         let person = &self.people[k];
         let contrast =
@@ -115,7 +117,7 @@ impl Finder {
             && !self.people.iter().any(explained)
     }
 
-    /// The less evident of two who would be in one another.
+    /// The less significant of two people who would overlap.
     fn crowded(&self) -> Option<usize> {
         let people = &self.people;
         let touch = |i: usize, j: usize| distance(people[i].place, people[j].place) < 1.5 * self.body_radius_m;
@@ -124,9 +126,10 @@ impl Finder {
         Some(if people[i].significance < people[j].significance { i } else { j })
     }
 
-    /// Sees whether somebody at a place explains the measurement better: whoever was found elsewhere, or else one more person.
+    /// Tries whether somebody at a place explains the measurement better: a person found elsewhere, or else one more
+    /// person.
     fn consider(&mut self, place: Place, left: Left) -> Left {
-        // Two bodies side by side are as far apart; nearer parts of the map are parts of one.
+        // Bodies side by side are at least this far apart; closer seeds belong to the same body.
         let touching = 2.2 * self.body_radius_m;
         if self.people.iter().any(near_in(place, touching)) {
             return left;
@@ -145,7 +148,7 @@ impl Finder {
         self.prune(with)
     }
 
-    /// Whether the person nearest in azimuth explains more at a place than where they are now.
+    /// Moves the person nearest in azimuth to a place if they explain more there than where they are now.
     fn move_somebody(&mut self, place: Place, left: Left) -> Option<Left> {
         let away = |person: &Candidate| (person.place.azimuth - place.azimuth).abs();
         let nearest = (self.people.iter().enumerate()).min_by(|a, b| away(a.1).total_cmp(&away(b.1)));
@@ -176,7 +179,7 @@ fn distance(a: Place, b: Place) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// A prediction in polar coordinates; none if its covariance has no inverse.
+/// A prediction in polar coordinates; `None` if its covariance is singular or it is too close to the doorway.
 fn prior(prediction: &Prediction) -> Option<Prior> {
     let [[xx, xy], [yx, yy]] = prediction.covariance;
     let place = Place::from_point(prediction.position);
@@ -186,9 +189,10 @@ fn prior(prediction: &Prediction) -> Option<Prior> {
         .then_some(Prior { place, information })
 }
 
-/// What a frame alone says about a person: with the prior that led there taken out again.
+/// The detection that the frame alone supports: the prior with which the person was found is removed again. The model
+/// error stays the same for `sluggish` frames, so its variance is multiplied by that number.
 fn detection(doorway: &Doorway, person: &Candidate, sluggish: f64) -> Option<Detection> {
-    // However little a frame tells, it is not nothing: whoever was found is within some metres.
+    // Keeps the uncertainty to some metres, however little the frame tells.
     let information = person.information + Matrix2::identity() * 0.1;
     let covariance = information.try_inverse().filter(|c| c[(0, 0)] > 0.0 && c.determinant() > 0.0)?;
     let pull = person.prior.map_or_else(Default::default, |p| p.information * person.place.minus(p.place));
@@ -203,7 +207,7 @@ fn detection(doorway: &Doorway, person: &Candidate, sluggish: f64) -> Option<Det
     Some(Detection { position, covariance, rgb, significance: person.significance })
 }
 
-/// Covariance of a place whose angles at both edges are off by [`ANGLE_ERROR`], independently.
+/// Covariance of a place, in m², whose angles at the two edges have independent errors of [`ANGLE_ERROR`].
 fn model_error(doorway: &Doorway, [x, y]: Point) -> Matrix2<f64> {
     let half = doorway.half_width();
     // ∂(α1, α2) / ∂(x, y).

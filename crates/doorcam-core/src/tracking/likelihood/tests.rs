@@ -36,7 +36,7 @@ fn finder() -> Finder {
     Finder::new(DOOR, likelihood.unwrap(), RADIUS_M)
 }
 
-/// A difference with bodies of given radiances and noise, pixel by pixel from the formulas.
+/// A difference with bodies of given radiances and with noise, computed pixel by pixel from the formulas.
 fn measurement(people: &[(Point, [f64; 3])], random: &mut ChaCha8Rng) -> PatchPair {
     let mut pair = PatchPair::zeros(PATCH.size);
     for side in Side::BOTH {
@@ -63,7 +63,7 @@ fn one_person_is_found_off_the_grid_with_honest_errors() {
     let places = [[0.0, 1.0], [0.63, 1.31], [-0.87, 1.52], [0.21, 2.33], [-0.4, 1.77]];
     for (k, place) in places.iter().cycle().take(60).enumerate() {
         let difference = measurement(&[(*place, [-0.2, -0.25, -0.1])], &mut random);
-        // Where the map would have it, give or take a facet.
+        // Where the map would show it, to within about a facet.
         let from = [place[0] + 0.1 * (k as f64).cos(), place[1] + 0.25 * (k as f64).sin()];
         let found = finder.find(&difference, std::iter::empty(), &[from], 1.0);
         assert_eq!(found.len(), 1, "{place:?} {found:?}");
@@ -74,7 +74,7 @@ fn one_person_is_found_off_the_grid_with_honest_errors() {
         assert!(dx.hypot(dy) < 4.0 * (xx + yy).sqrt(), "{place:?} {found:?}");
         assert!(found[0].rgb.iter().all(|&v| v < 0.0) && (found[0].rgb[1] + 0.25).abs() < 0.15, "{found:?}");
     }
-    // The reported error has room for a body that is not a cylinder, so that 95 % is the least.
+    // The reported error allows for bodies that are not cylinders, so at least 95 % are expected.
     assert!(inside >= 54, "{inside} of 60 inside the 95 % ellipse");
 }
 
@@ -132,7 +132,7 @@ fn the_table_is_the_formula_between_its_places_too() {
             };
             let squares = literal.iter().map(|v| v * v).sum::<f64>();
             let errors = literal.iter().enumerate().map(|(cell, v)| (interpolated(cell) - v).powi(2)).sum::<f64>();
-            // Half of it is from groups of pixels that one point stands for.
+            // Half of the error comes from representing groups of pixels by one point.
             assert!(errors < 0.05 * 0.05 * squares, "{centre:?} {side:?}: {}", (errors / squares).sqrt());
         }
     }

@@ -4,11 +4,12 @@ use super::BodyTable;
 use super::columns::Columns;
 use super::place::Place;
 
-/// Bodies as whitened measurements show them.
+/// The effect of bodies on whitened measurements.
 #[derive(Debug, Clone)]
 pub(super) struct Whitened {
     /// Per side, a column for each place of the table.
     columns: [Columns; 2],
+    /// Derivatives of `columns` by the log of the radius.
     by_radius: [Columns; 2],
 }
 
@@ -18,13 +19,13 @@ impl Whitened {
         Self { columns: whitened(&table.columns), by_radius: whitened(&table.by_radius) }
     }
 
-    /// Values of one side.
+    /// Number of whitened values of one side.
     pub fn values(&self, s: usize) -> usize {
         self.columns[s].rows()
     }
 
-    /// A body of unit radiance at a place, as the patch of one side shows it, of a radius that differs by a factor from the
-    /// table's (`widening`: its log), and the derivatives by azimuth, log range and log radius.
+    /// Writes the effect of a body of unit radiance at a place on the patch of one side, and its derivatives by
+    /// azimuth, log range and log radius. `widening` is the log of the body's radius relative to the table's.
     pub fn body(&self, s: usize, at: Place, widening: f64, [value, by_azimuth, by_range, by_radius]: [&mut [f32]; 4]) {
         value.fill(0.0);
         by_azimuth.fill(0.0);

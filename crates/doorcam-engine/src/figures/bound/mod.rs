@@ -1,5 +1,5 @@
-//! How well a target can be located in several ways to measure: regions of uncertainty above, sample measurements below
-//! (paper: figure 5).
+//! How well a target can be located with several ways to measure: regions of uncertainty above, sample measurements
+//! below (paper: figure 5).
 
 mod region;
 mod samples;
@@ -12,46 +12,46 @@ use super::frame::{Frame, length_or};
 use super::text::{Anchor, FONT, line, unit, wrap};
 use doorcam_core::geometry::{Biangular, Doorway, Point, Side};
 
-/// What the figure shows. Places in metres in the door frame, angles in radians.
+/// What the figure shows. Positions in metres in the door frame, angles in radians.
 #[derive(Debug, Clone, Copy)]
 pub struct BoundPicture<'a> {
-    /// The opening.
+    /// The doorway.
     pub doorway: &'a Doorway,
     /// Side of a patch, in metres.
     pub patch_m: f64,
-    /// From left to right.
+    /// The panels from left to right.
     pub panels: &'a [BoundPanel],
     /// The target of the sample measurements, marked in every panel.
     pub target: Option<Point>,
-    /// What to print below; wrapped to the width.
+    /// Text below, wrapped to the width.
     pub caption: &'a str,
 }
 
 /// One way to measure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BoundPanel {
-    /// What stands above it.
+    /// Title above the panel.
     pub title: String,
-    /// The patches that are measured.
+    /// The sides whose patches are measured.
     pub sides: Vec<Side>,
-    /// Whether there is a wall whose edges cut the light.
+    /// Whether there is a wall whose edges block the light.
     pub walled: bool,
-    /// Where a target could be.
+    /// Where the target could be.
     pub regions: Vec<Region>,
-    /// A measurement of each of the patches: square, row by row from the wall; none to leave them out.
+    /// One measurement per patch: square, row by row from the wall; empty to leave them out.
     pub samples: Vec<Vec<f64>>,
 }
 
 /// A cell of biangular coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Region {
-    /// Its middle.
+    /// Its centre.
     pub angles: Biangular,
-    /// Its widths in α1 and α2, in radians; infinite where anything is possible.
+    /// Its widths in α1 and α2, in radians; infinite if anything is possible.
     pub widths: [f64; 2],
 }
 
-/// A panel is at most so wide and high, in page units.
+/// Maximum width and height of a panel, in page units.
 const PANEL: [f64; 2] = [230.0, 300.0];
 const GAP: f64 = 14.0;
 const TITLE: f64 = 22.0;
@@ -62,12 +62,13 @@ const RAY: &str = "#e4e4ea";
 const WALL: &str = "#8c8c92";
 const PATCH: &str = "#6e6e74";
 const TARGET: &str = "#e01b1b";
-/// A wall without thickness is still drawn so thick, in page units.
+/// Minimum drawn thickness of a wall, in page units.
 const THIN_WALL: f64 = 2.5;
 
-/// Draws the regions of each way to measure on the floor plan, to scale, and below each what is measured of the target.
+/// Draws the regions of each way to measure on the floor plan, to scale, and below each the target's sample
+/// measurement, as an SVG document.
 ///
-/// All samples have one scale of brightness, from the least to the largest value of any.
+/// All samples share one brightness scale, from the smallest to the largest value of any.
 pub fn bound_svg(picture: &BoundPicture) -> String {
     let doorway = &Doorway {
         width_m: length_or(picture.doorway.width_m, 1.0),
@@ -107,7 +108,7 @@ pub fn bound_svg(picture: &BoundPicture) -> String {
         .to_string()
 }
 
-/// The part of the floor plan that is shown: all regions' middles with some room around, and the patches.
+/// The part of the floor plan that is shown: the centres of all regions with a margin, and the patches.
 fn extent(picture: &BoundPicture, doorway: &Doorway) -> Frame {
     let width = doorway.width_m;
     let (mut half, mut depth) = (0.75 * width, width);
@@ -148,7 +149,7 @@ fn panel(picture: &BoundPicture, doorway: &Doorway, shown: &BoundPanel, frame: &
     group.add(axes(frame))
 }
 
-/// Lines of equal angle, 15° apart, faint.
+/// Faint lines of equal angle, 15° apart.
 fn rays(frame: &Frame, doorway: &Doorway) -> Path {
     let mut d = String::new();
     for step in 1..12 {
@@ -165,7 +166,7 @@ fn rays(frame: &Frame, doorway: &Doorway) -> Path {
     Path::new().set("d", d).set("stroke", RAY).set("stroke-width", 0.7).set("fill", "none")
 }
 
-/// The wall if there is one, the points where angles are measured, and the patches.
+/// The wall if there is one, the edges where angles are measured, and the patches.
 fn floor(picture: &BoundPicture, doorway: &Doorway, shown: &BoundPanel, frame: &Frame) -> Group {
     let mut group = Group::new();
     let half = doorway.half_width();

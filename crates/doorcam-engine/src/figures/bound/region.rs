@@ -1,11 +1,11 @@
-//! The outline of a biangular cell: the part of the hidden room between two rays of each edge.
+//! The outline of a biangular cell: the part of the hidden room between two rays from each edge.
 
 use super::Region;
 use crate::figures::frame::Frame;
 use crate::figures::text::unit;
 use doorcam_core::geometry::{Doorway, Point, Side};
 
-/// The outline as the data of an SVG path, cut at the panel's border; none if the cell lies outside.
+/// The outline as SVG path data, clipped to the panel; none if the cell lies outside.
 pub(super) fn outline(region: &Region, doorway: &Doorway, frame: &Frame) -> Option<String> {
     let corners = cell(region, doorway, frame);
     if corners.is_empty() {
@@ -19,7 +19,7 @@ pub(super) fn outline(region: &Region, doorway: &Doorway, frame: &Frame) -> Opti
     Some(d + "Z")
 }
 
-/// Corners of the cell in metres, in order.
+/// Corners of the clipped cell in metres, in order.
 fn cell(region: &Region, doorway: &Doorway, frame: &Frame) -> Vec<Point> {
     let [left, right] = frame.x;
     let mut corners = vec![[left, 0.0], [right, 0.0], [right, frame.y[1]], [left, frame.y[1]]];
@@ -32,7 +32,7 @@ fn cell(region: &Region, doorway: &Doorway, frame: &Frame) -> Vec<Point> {
             let angle = (middle + turn * width / 2.0).clamp(0.0, std::f64::consts::PI);
             let (sine, cosine) = angle.sin_cos();
             let edge = doorway.edge(side);
-            // Above 0 beyond the ray as the angle grows; at the right edge it grows the other way round.
+            // Positive beyond the ray as the angle grows; at the right edge the angle turns the other way.
             let mirror = if side == Side::Left { 1.0 } else { -1.0 };
             let beyond = move |[x, y]: Point| cosine * (y - edge[1]) - sine * mirror * (x - edge[0]);
             corners = keep(&corners, |corner| -turn * beyond(corner));
@@ -41,7 +41,7 @@ fn cell(region: &Region, doorway: &Doorway, frame: &Frame) -> Vec<Point> {
     corners
 }
 
-/// The part of a convex outline where a linear height is not negative (Sutherland and Hodgman).
+/// Clips a convex outline to where a linear height is not negative (Sutherland and Hodgman).
 fn keep(corners: &[Point], height: impl Fn(Point) -> f64) -> Vec<Point> {
     let mut kept = Vec::with_capacity(corners.len() + 1);
     for (k, &here) in corners.iter().enumerate() {
@@ -66,7 +66,7 @@ mod tests {
     use doorcam_core::geometry::Biangular;
 
     proptest! {
-        /// Every corner of a cell that lies inside the panel is a crossing of its rays, and its middle is inside.
+        /// All corners of a cell inside the panel are crossings of its rays.
         #[test]
         fn corners_are_crossings_of_rays(a in 0.5..1.5f64, b in 0.5..1.5f64, wa in 0.001..0.1f64, wb in 0.001..0.1f64) {
             let doorway = Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None };

@@ -8,19 +8,19 @@ use crate::figures::legend::embed;
 use crate::figures::text::{Anchor, line, unit};
 use doorcam_core::geometry::Side;
 
-/// Side of a patch on the page.
+/// Maximum side of a patch, in page units.
 const PATCH: f64 = 104.0;
 const TEXT: f64 = 10.0;
 const ROW: f64 = 16.0;
 
-/// Brightness of all samples together.
+/// Common brightness range of all samples.
 pub(super) struct Scale {
     low: f64,
     high: f64,
 }
 
 impl Scale {
-    /// From the least to the largest value of any sample; none without samples.
+    /// From the smallest to the largest value of any sample; none if they do not differ.
     pub(super) fn of(panels: &[BoundPanel]) -> Option<Self> {
         let values = || panels.iter().flat_map(|panel| &panel.samples).flatten().copied().filter(|v| v.is_finite());
         let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
@@ -28,7 +28,7 @@ impl Scale {
     }
 }
 
-/// The samples side by side below a panel, and where they end.
+/// Draws the samples side by side below a panel; returns them and the y at which they end.
 pub(super) fn samples(panel: &BoundPanel, [left, top, width]: [f64; 3], scale: &Scale) -> (Group, f64) {
     let mut group = Group::new().set("class", "samples");
     let count = panel.samples.len();

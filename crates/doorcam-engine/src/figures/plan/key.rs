@@ -1,4 +1,4 @@
-//! What the signs of an evaluation's picture mean.
+//! The key of an evaluation's picture.
 
 use svg::node::element::{Circle, Ellipse, Group, Line, Rectangle};
 
@@ -10,26 +10,26 @@ const ROW: f64 = 18.0;
 const TEXT: f64 = 10.5;
 const SIGN: f64 = 30.0;
 const COLUMN: f64 = 205.0;
-/// Signs beside those of the tracks.
+/// Number of signs in the first column.
 const SIGNS: usize = 7;
-/// Tracks that are named; all others are "more".
+/// Maximum number of tracks that are named.
 const NAMED: usize = 9;
 
 pub(in crate::figures) fn height(shades: &[Shade]) -> f64 {
     ROW * rows(shades).len().max(SIGNS) as f64
 }
 
-/// Colours and names of the second column.
+/// Colours and names in the second column.
 fn rows(shades: &[Shade]) -> Vec<(&'static str, String)> {
     let name = |id: Option<u64>| id.map_or_else(|| "detections".to_owned(), |id| format!("track {id}"));
     let mut rows: Vec<_> = shades.iter().take(NAMED).map(|&(id, colour)| (colour, name(id))).collect();
     if shades.len() > NAMED {
-        rows.push((TRUTH, format!("and {} tracks more, in the same colours", shades.len() - NAMED)));
+        rows.push((TRUTH, format!("and {} more tracks, in the same colours", shades.len() - NAMED)));
     }
     rows
 }
 
-/// The key: signs on the left, tracks on the right.
+/// Draws the key: signs on the left, tracks on the right.
 pub(in crate::figures) fn key(x: f64, y: f64, shades: &[Shade], step: f64) -> Group {
     let middle = |row: usize| y + (row as f64 + 0.5) * ROW;
     let text = |column: f64, row: usize, words: &str| {
@@ -68,7 +68,7 @@ pub(in crate::figures) fn key(x: f64, y: f64, shades: &[Shade], step: f64) -> Gr
         .add(text(0.0, 0, "person, start of a path"))
         .add(stroke(0.0, 1, TRUTH).set("stroke-width", 1.2))
         .add(tick.set("y1", unit(middle(1) - 3.5)).set("y2", unit(middle(1) + 3.5)))
-        .add(text(0.0, 1, &format!("true path, tick a {plural}")))
+        .add(text(0.0, 1, &format!("true path, a tick every {plural}")))
         .add(ellipse)
         .add(text(0.0, 2, "reported 95 % ellipse"))
         .add(ring([centre, middle(3)]))
@@ -78,7 +78,7 @@ pub(in crate::figures) fn key(x: f64, y: f64, shades: &[Shade], step: f64) -> Gr
         .add(area(5, REACH))
         .add(text(0.0, 5, "(b) reach of the ellipse"))
         .add(area(6, SETTLING))
-        .add(text(0.0, 6, "(b) just come in: not scored"));
+        .add(text(0.0, 6, "(b) just came in: not scored"));
     for (row, (colour, name)) in rows(shades).into_iter().enumerate() {
         let dot = Circle::new().set("cx", unit(centre + COLUMN)).set("cy", unit(middle(row))).set("r", 2.4);
         group = group

@@ -1,4 +1,4 @@
-//! The figure of the bound is read back: regions from its pixels, places from its axes.
+//! Reads the figure of the bound back: regions from its pixels, positions from its axes.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -27,7 +27,7 @@ fn regions_targets_and_walls_stand_where_they_are() {
     let shown = Shown::new(svg(&[open, door], Some([-0.4, 0.8])));
     for group in ["doorcam-bound-a", "doorcam-bound-b"] {
         let at = |place| shown.at(group, 0, place);
-        // Inside by angles: a hair less than half the widths off; outside a hair more.
+        // Inside by slightly less than half the widths in angle, outside by slightly more.
         let moved = |d1: f64, d2: f64| {
             let Biangular { alpha1, alpha2 } = region.angles;
             Biangular { alpha1: alpha1 + d1, alpha2: alpha2 + d2 }.to_point(&DOORWAY)
@@ -40,7 +40,7 @@ fn regions_targets_and_walls_stand_where_they_are() {
         assert_eq!(at([-0.4, 0.8]), [0xe0, 0x1b, 0x1b]);
         let wall = if group.ends_with('b') { [0x8c, 0x8c, 0x92] } else { [255; 3] };
         assert_eq!(at([-0.7, -0.05]), wall);
-        assert_eq!(at([0.7, -0.05]), [255; 3], "a wall where nothing is measured would not be one of the strategy");
+        assert_eq!(at([0.7, -0.05]), [255; 3], "no wall on the side that is not measured");
     }
 }
 

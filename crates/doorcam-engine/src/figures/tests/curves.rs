@@ -1,4 +1,4 @@
-//! Curves are read back from their paths.
+//! Reads curves back from their paths.
 
 use proptest::prelude::*;
 
@@ -19,12 +19,12 @@ fn path(svg: &str) -> String {
 fn a_power_law_is_a_straight_line_and_gaps_stay_gaps() {
     let law = |x: f64| [x, 0.3 * x.powi(-2)];
     let d = path(&picture(vec![law(0.1), law(0.2), [0.3, f64::INFINITY], law(0.4), law(0.8)]));
-    assert_eq!(d.matches('M').count(), 2, "broken where nothing is known: {d}");
+    assert_eq!(d.matches('M').count(), 2, "broken at a value that is not finite: {d}");
     let numbers = d.replace(['M', 'L'], " ");
     let numbers: Vec<f64> = numbers.split_whitespace().map(|n| n.parse().expect("number")).collect();
     let steps: Vec<f64> = numbers.chunks(2).map(|p| p[0]).collect::<Vec<_>>().windows(2).map(|w| w[1] - w[0]).collect();
     let falls: Vec<f64> = numbers.chunks(2).map(|p| p[1]).collect::<Vec<_>>().windows(2).map(|w| w[1] - w[0]).collect();
-    // Doublings are equally far apart, and each is a quarter of the value before.
+    // Doublings of x are equally far apart on both axes: y falls to a quarter each time.
     for list in [steps, falls] {
         assert!(list.iter().all(|v| *v > 0.0 && (v - list[0]).abs() < 0.05), "{list:?}");
     }

@@ -1,4 +1,4 @@
-//! The picture of an evaluation is read back: places from its axes, signs from its pixels.
+//! Reads the picture of an evaluation back: positions from its axes, signs from its pixels.
 
 use proptest::prelude::*;
 
@@ -38,7 +38,7 @@ fn paths_strays_and_ellipses_stand_where_they_are() {
     assert!(close(at([-0.3, 1.0]), [0x1a; 3]), "the true path: {:?}", at([-0.3, 1.0]));
     assert!(close(at([0.0, 1.5]), [0x00, 0x72, 0xb2]), "the estimated one: {:?}", at([0.0, 1.5]));
     assert!(close(at([0.5, 2.5]), [0xd1, 0x33, 0x0f]), "a stray: {:?}", at([0.5, 2.5]));
-    assert_eq!(at([1.0, 1.0]), [255; 3], "the middle of the ring of who is missed");
+    assert_eq!(at([1.0, 1.0]), [255; 3], "the middle of the ring around a missed person");
     assert_eq!(at([1.2, -0.06]), [0x8c, 0x8c, 0x92], "the wall");
     assert_eq!(at([0.2, -0.06]), [255; 3], "the doorway");
     // The ellipse reaches 2.45 · 0.1 m along x and 2.45 · 0.2 m along y.

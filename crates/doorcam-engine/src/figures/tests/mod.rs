@@ -1,4 +1,4 @@
-//! The figure is read back as a reader would: positions from its axes, colours from its pixels.
+//! Reads the figure back as a reader would: positions from its axes, colours from its pixels.
 
 mod bound;
 mod curves;
@@ -19,7 +19,7 @@ const PANELS: [[&str; 3]; 2] = [
     ["doorcam-left-darker", "doorcam-right-darker", "doorcam-unified-darker"],
 ];
 
-/// A doorway with a thick wall, so that everything a panel shows has a place of its own.
+/// A doorway, grid and patches.
 struct Setting {
     doorway: Doorway,
     grid: FacetGrid,
@@ -42,7 +42,7 @@ impl Setting {
         Self { doorway, grid, patch: PatchGrid { size: 64, fov_m, layout: PixelLayout::Cells } }
     }
 
-    /// The facet whose middle is nearest to a point, and its middle.
+    /// The facet whose middle is nearest to a point, and that middle.
     fn facet_near(&self, [x, y]: Point) -> (usize, Point) {
         let middles = self.grid.facets.iter().map(|f| f.midpoint()).enumerate();
         let distance = |p: Point| (p[0] - x).hypot(p[1] - y);
@@ -76,7 +76,7 @@ fn a_facet_shows_where_its_axes_put_it_in_the_panels_it_belongs_to() {
     let colours = |at| PANELS.map(|row| row.map(|panel| shown.at(panel, 0, at)));
     let dark = |rgb: [u8; 3]| rgb.iter().all(|&v| v < 0x60);
 
-    // The right view sees half as much; 0.5 of linear light is 188 in sRGB: the views share their scale.
+    // The right view sees half as much, and 0.5 of linear light is 188 in sRGB: the views share their scale.
     let [brighter, darker] = colours(near_at);
     assert_eq!(brighter, [[255, 0, 0], [188, 0, 0], [255, 0, 0]]);
     assert!(darker.into_iter().all(dark), "{darker:?}");
@@ -118,7 +118,7 @@ fn everything_is_to_scale_and_stands_where_the_door_has_it() {
     for at in [[0.0, -0.06], [-0.3, -0.06], [1.0, -0.2], [1.0, 0.06]] {
         assert!(panel(at)[0] < 0x40, "no wall at {at:?}");
     }
-    // The dots of the edges, and the outline of a patch half-way down its sides.
+    // The dots of the edges, and the outline of each patch half-way down its sides.
     for x in [-0.425, 0.425] {
         assert_eq!(panel([x, 0.0]), [0xff, 0xd2, 0x1f]);
         for side in [-0.15, 0.15] {
@@ -174,7 +174,7 @@ fn the_difference_is_magnified_with_one_scale_the_row_at_the_wall_on_top() {
             assert_eq!((at(0), at(32), at(63)), (top, [128; 3], bottom), "{side:?}, column {column}");
         }
     }
-    assert!(shown.svg.contains("±0.012"), "the magnification is said");
+    assert!(shown.svg.contains("±0.012"), "the magnification is stated");
     assert!(!setting.svg(&setting.scene(&[]), None, "").contains("data:image/png"), "nothing lit, no difference");
 }
 
@@ -228,7 +228,7 @@ fn text_is_drawn() {
     let captioned = Shown::new(svg("λ = 0.05 <b>&amp; \u{0}\u{1b}\u{ffff}"));
     let (width, height) = captioned.pixels.dimensions();
     assert!(ink(&captioned, [0, height - 60, width, 60]) > 200, "caption");
-    assert_eq!(ink(&shown, [0, shown.pixels.height() - 30, width, 30]), 0, "nothing but white without one");
+    assert_eq!(ink(&shown, [0, shown.pixels.height() - 30, width, 30]), 0, "only white without a caption");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use resvg::usvg::roxmltree::{Document, Node};
 use crate::figures::png;
 use doorcam_core::geometry::Point;
 
-/// A figure and its pixels, two for each unit of the page.
+/// A figure and its pixels, two per page unit.
 pub(super) struct Shown {
     pub(super) svg: String,
     pub(super) pixels: RgbImage,
@@ -25,14 +25,14 @@ impl Shown {
         Self { svg, pixels: image::load_from_memory(&png).expect("an image").to_rgb8() }
     }
 
-    /// Colour at a place of the floor plan, found by the axes of a panel (or of a patch: the k-th axes of its group).
+    /// Colour at a floor plan position, located by the axes of a panel (or of a patch: the k-th axes of its group).
     pub(super) fn at(&self, group: &str, k: usize, [x, y]: Point) -> [u8; 3] {
         let document = Document::parse(&self.svg).expect("XML");
         let axis = |class, attribute| {
             let axis = by_id(&document, group).descendants().filter(|n| n.attribute("class") == Some(class)).nth(k);
             Axis::read(axis.expect("axis"), attribute)
         };
-        // Labels stand beside their ticks by as much as a line of text is high.
+        // Labels are offset from their ticks by this part of a line's height.
         let (column, row) = (axis("x-axis", "x").place(x), axis("y-axis", "y").place(y) - 3.6);
         self.pixels.get_pixel((2.0 * column) as u32, (2.0 * row) as u32).0
     }
@@ -42,7 +42,7 @@ pub(super) fn by_id<'a, 'i>(document: &'a Document<'i>, id: &str) -> Node<'a, 'i
     document.descendants().find(|n| n.attribute("id") == Some(id)).unwrap_or_else(|| panic!("no {id}"))
 }
 
-/// Page units against metres, from the first and the last label of an axis.
+/// Page units as a function of metres, from the first and the last label of an axis.
 pub(super) struct Axis {
     metres: [f64; 2],
     units: [f64; 2],

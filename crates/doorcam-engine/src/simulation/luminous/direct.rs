@@ -1,17 +1,18 @@
 //! Light from the hidden side at a floor point, by eq. 2 with the radiometric law and first-hit occlusion.
 //!
-//! A Lambertian surface of radiance L adds to the light on the floor L cos ϑ dω, with ϑ the angle from the vertical. With
-//! azimuth φ and elevation ε, cos ϑ = sin ε and dω = cos ε dε dφ. A vertical surface that stands on the floor at
-//! horizontal distance ρ(φ) and is H high fills the elevations with tan ε <= H / ρ, so that the integral over ε is closed:
+//! A Lambertian surface of radiance L adds L cos ϑ dω to the light on the floor, with ϑ the angle from the vertical.
+//! With azimuth φ and elevation ε, cos ϑ = sin ε and dω = cos ε dε dφ. A vertical surface of height H that stands on
+//! the floor at horizontal distance ρ(φ) fills the elevations with tan ε <= H / ρ, so the integral over ε has a closed
+//! form:
 //!
 //! ```text
 //! E(p) = ∫ dφ L(φ) ½ s,   s = sin² ε_top = H² / (ρ² + H²)
 //! ```
 //!
-//! In front of another, the nearer surface hides its elevations: along each azimuth a surface counts with what its s adds to
-//! the largest s in front of it. The azimuths are those that pass both faces of the wall between the edges; a lintel cuts
-//! the elevations at s of its height at the hidden face. As everywhere in this program the factor albedo / π is left
-//! out: E is in units of radiance times steradian, and radiance is relative to the camera's full scale.
+//! A nearer surface hides its elevations: along each azimuth, a surface contributes only the part of its s above the
+//! largest s in front of it. The azimuths are those that pass both faces of the wall between the edges; a lintel cuts
+//! the elevations at the s of its height at the hidden face. As everywhere in this program, the factor albedo / π is
+//! left out: E is in units of radiance times steradian, and radiance is relative to the camera's full scale.
 
 use doorcam_core::geometry::{Doorway, Point};
 use doorcam_core::quadrature::Quadrature;
@@ -30,8 +31,8 @@ pub struct Wall {
     pub radiance: Rgb,
 }
 
-/// A luminous vertical cylinder that stands on the floor: a person. Cylinders do not cross each other; one that is half
-/// through a wall shows its nearer part.
+/// A luminous vertical cylinder that stands on the floor: a person. Cylinders must not cross each other; one that is
+/// half inside a wall shows its nearer part.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cylinder {
     /// Its axis, in metres in the door frame.
@@ -52,15 +53,15 @@ pub struct DirectLight {
     rule: Quadrature,
 }
 
-/// People in the room at one moment.
+/// The people in the room at one moment.
 #[derive(Debug, Clone)]
 pub struct Crowd {
     cylinders: Vec<Cylinder>,
-    /// Where people's outlines cross walls: the first hit changes there.
+    /// Where people's outlines cross walls, which changes what is hit first.
     crossings: Vec<Point>,
 }
 
-/// What one azimuth meets.
+/// A surface that an azimuth meets.
 struct Hit {
     distance: f64,
     /// H² / (ρ² + H²).
@@ -74,13 +75,13 @@ impl DirectLight {
         Self { doorway, walls, rule }
     }
 
-    /// People, prepared for [`DirectLight::change`].
+    /// Prepares people for [`DirectLight::change`].
     pub fn crowd(&self, cylinders: Vec<Cylinder>) -> Crowd {
         let crossings = cylinders.iter().flat_map(|c| self.walls.iter().flat_map(move |w| crossings(c, w))).collect();
         Crowd { cylinders, crossings }
     }
 
-    /// E at a floor point of the visible side from the room without people.
+    /// E at a floor point of the visible side, from the room without people.
     pub fn empty(&self, pixel: Point) -> Rgb {
         let breaks = self.breaks(pixel, self.walls.iter().flat_map(|w| [w.from, w.to]).map(|p| azimuth(pixel, p)));
         let mut hits = Vec::new();
@@ -96,7 +97,7 @@ impl DirectLight {
         light
     }
 
-    /// How much people change E at a floor point: only azimuths that meet somebody are looked at.
+    /// People's change of E at a floor point: only azimuths that meet somebody are integrated.
     pub fn change(&self, crowd: &Crowd, pixel: Point) -> Rgb {
         let outlines = crowd.cylinders.iter().flat_map(|c| outline(pixel, c));
         let corners = self.walls.iter().flat_map(|w| [w.from, w.to]).chain(crowd.crossings.iter().copied());
@@ -120,7 +121,7 @@ impl DirectLight {
         light
     }
 
-    /// The visible azimuths' two ends and the given ones between them, rising; empty if the opening is not seen.
+    /// The ends of the visible azimuths and the given azimuths between them, rising; empty if the opening is not seen.
     fn breaks(&self, pixel: Point, azimuths: impl Iterator<Item = f64>) -> Vec<f64> {
         let Some((first, last)) = self.visible(pixel) else {
             return Vec::new();
@@ -144,7 +145,7 @@ impl DirectLight {
         hits.extend(self.walls.iter().filter_map(|w| meet_wall(pixel, ray, w)));
     }
 
-    /// ∫ L sin ε cos ε dε along one azimuth: each surface with the elevations that nothing nearer hides.
+    /// ∫ L sin ε cos ε dε along one azimuth: each surface contributes the elevations that nothing nearer hides.
     fn shine(&self, hits: &mut [Hit], pixel: Point, ray: Point) -> Rgb {
         hits.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         let open = self.doorway.height_m.map_or(1.0, |height| {
@@ -194,7 +195,7 @@ fn cross(a: Point, b: Point) -> f64 {
 fn meet_wall(pixel: Point, ray: Point, wall: &Wall) -> Option<Hit> {
     let along = [wall.to[0] - wall.from[0], wall.to[1] - wall.from[1]];
     let foot = [wall.from[0] - pixel[0], wall.from[1] - pixel[1]];
-    // Pixel + ρ ray = from + t along; a ray along the wall gives an infinity or NaN, which meets nothing.
+    // pixel + ρ ray = from + t along; a ray parallel to the wall gives an infinity or NaN, which meets nothing.
     let across = cross(ray, along);
     let (distance, t) = (cross(foot, along) / across, cross(foot, ray) / across);
     (distance > 0.0 && (0.0..=1.0).contains(&t)).then(|| Hit {
@@ -216,7 +217,7 @@ fn meet_cylinder(pixel: Point, ray: Point, cylinder: &Cylinder) -> Option<Hit> {
     })
 }
 
-/// The two azimuths at which a ray touches a cylinder; NaN, which no interval contains, from within it.
+/// The two azimuths at which a ray touches a cylinder; from inside it NaN, which no interval contains.
 fn outline(pixel: Point, cylinder: &Cylinder) -> [f64; 2] {
     let middle = azimuth(pixel, cylinder.centre);
     let range = (cylinder.centre[0] - pixel[0]).hypot(cylinder.centre[1] - pixel[1]);
@@ -232,7 +233,7 @@ fn crossings(cylinder: &Cylinder, wall: &Wall) -> impl Iterator<Item = Point> + 
     let length2 = along[0] * along[0] + along[1] * along[1];
     let nearest = (centre[0] * along[0] + centre[1] * along[1]) / length2;
     let beside = cross(along, centre) / length2;
-    // The square root is NaN, and in no range, for a cylinder that does not reach the wall.
+    // For a cylinder that does not reach the wall the square root is NaN, which no range contains.
     let half = (cylinder.radius_m * cylinder.radius_m / length2 - beside * beside).sqrt();
     [nearest - half, nearest + half]
         .into_iter()

@@ -49,7 +49,7 @@ fn literal_sum(doorway: &Doorway, wall: &Wall, pixel: Point, n: usize) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(crate::testing::cases(32))]
     #[test]
     fn a_wall_strip_equals_the_literal_sum_over_its_surface(
         px in -0.6..0.6f64, depth in 0.005..0.3f64, thickness in 0.0..0.2f64,
@@ -61,14 +61,14 @@ proptest! {
         let pixel = [px, -thickness - depth];
         let direct = DirectLight::new(door, vec![wall], Quadrature::new(8)).empty(pixel);
         let literal = literal_sum(&door, &wall, pixel, 1500);
-        // The sum knows the border of the visible part to a column only: 1/1500 of the whole at each end.
+        // The sum resolves the border of the visible part to one column only: 1/1500 of the whole at each end.
         let whole = literal_sum(&Doorway { width_m: 1e6, ..door }, &wall, pixel, 60);
         prop_assert!((direct[0] - literal).abs() <= 0.005 * literal + whole * 2.0 / 1500.0, "{direct:?} {literal}");
         prop_assert!(close(direct, [direct[0], direct[0] / 2.0, 0.0], 1e-15));
     }
 }
 
-/// A wall seen whole leaves no border to excuse a difference.
+/// A wall that is seen whole has no border that could explain a difference.
 #[test]
 fn a_wall_strip_seen_whole_equals_the_literal_sum_to_half_a_percent() {
     let wall = Wall { from: [-0.15, 1.4], to: [0.2, 1.2], height_m: 2.0, radiance: [1.0; 3] };
@@ -79,7 +79,7 @@ fn a_wall_strip_seen_whole_equals_the_literal_sum_to_half_a_percent() {
     }
 }
 
-/// A cylinder against a literal sum over its lit face, which knows nothing of outlines and chords.
+/// Compared with a literal sum over the cylinder's lit face, which uses no outlines or chords.
 #[test]
 fn a_person_equals_the_literal_sum_over_the_cylinders_face() {
     let cylinder = Cylinder { height_m: 1.6, ..person([0.1, 1.3], [1.0; 3]) };
@@ -148,11 +148,11 @@ fn who_stands_behind_another_changes_nothing_where_only_the_nearer_is_seen() {
     let near = person([0.0, 0.9], [0.2, 0.1, 0.1]);
     let far = Cylinder { radius_m: 0.15, ..person([0.0, 2.2], [0.1, 0.1, 0.9]) };
     let alone = light.crowd(vec![near]);
-    // Whoever is listed first.
+    // In either order.
     for both in [vec![near, far], vec![far, near]] {
         let both = light.crowd(both);
         for pixel in [[0.0, -0.15], [0.02, -0.3]] {
-            // To the quadrature's accuracy: the far person's outline splits the interval elsewhere.
+            // To the quadrature's accuracy: the far person's outline splits the interval at another azimuth.
             assert!(close(light.change(&both, pixel), light.change(&alone, pixel), 1e-9));
         }
         let aside = [0.38, -0.35];
@@ -178,6 +178,6 @@ fn a_lintel_hides_what_is_above_its_shadow() {
     let pixel = [0.1, -0.5];
     let under = Doorway { height_m: Some(0.3), ..door(0.1) };
     let cut = DirectLight::new(under, wall(3.0), Quadrature::new(8)).empty(pixel);
-    // Seen from 0.5 m before the hidden face, 0.3 m there is 1.5 m on the wall 2.5 m away.
+    // Seen from 0.5 m in front of the hidden face, 0.3 m there is 1.5 m on the wall 2.5 m away.
     assert!(close(cut, light(wall(1.5), 8).empty(pixel), 1e-12));
 }

@@ -9,10 +9,14 @@ use doorcam_core::optics::Transfer;
 use doorcam_source::recording::{Layout, Manifest};
 use doorcam_source::truth::{Target, TrueFrame, Truth};
 
-/// Writes `frames` frames of a scenario as a recording (DESIGN: the recording contract) of linear 16-bit patches with truth.
+/// Writes `frames` frames of a scenario as a recording of linear 16-bit patches with truth (docs/recordings.md).
 ///
-/// `each` is told of every frame that is done, on any thread. The same seed gives the same files; the manifest comes last,
-/// so that a directory without it is not a recording yet.
+/// `each` is called after each frame, on any thread. The same seed gives the same files. The manifest is written last,
+/// so that an incomplete directory is not a recording.
+///
+/// # Errors
+///
+/// If `out_dir` already contains a recording, or a file cannot be encoded or written.
 pub fn write_recording(
     scenario: &Scenario,
     out_dir: &Path,
@@ -61,7 +65,7 @@ fn write_frame(
     Ok(())
 }
 
-/// Where everybody in the room really is, frame by frame.
+/// True positions of everybody in the room, frame by frame.
 fn truth(scenario: &Scenario, frames: u64) -> Truth {
     let targets = |frame| {
         let people = scenario.people_in(frame).into_iter();

@@ -10,20 +10,20 @@ use doorcam_core::transport::PatchGrid;
 
 /// Floor points along each side of a pixel, over which light is averaged.
 const SUBSAMPLES: usize = 2;
-/// Nodes of the quadrature for each interval of azimuth: see the test of its convergence.
+/// Quadrature nodes per interval of azimuth; a test shows that they are enough.
 const NODES: usize = 8;
 
-/// Makes the patches of a scenario, without noise. The empty room is evaluated once.
+/// Renders the patches of a scenario without noise. The empty room is evaluated once.
 #[derive(Debug, Clone)]
 pub struct Renderer {
     light: DirectLight,
-    /// Per side: the floor points, pixel after pixel, `SUBSAMPLES`² each.
+    /// Per side: the floor points, `SUBSAMPLES`² per pixel, pixel after pixel.
     points: [Vec<Point>; 2],
     empty: PatchPair,
 }
 
 impl Renderer {
-    /// Evaluates the empty room, pixels in parallel.
+    /// Evaluates the empty room, with pixels in parallel.
     pub fn new(scenario: &Scenario) -> Self {
         let light = DirectLight::new(scenario.doorway, scenario.walls.clone(), Quadrature::new(NODES));
         let points = Side::BOTH.map(|side| floor_points(scenario, side));
@@ -41,7 +41,7 @@ impl Renderer {
         Self { light, points, empty }
     }
 
-    /// The patches of the empty room: linear light relative to full scale.
+    /// The patches of the empty room, in linear light relative to full scale.
     pub fn empty(&self) -> &PatchPair {
         &self.empty
     }
@@ -66,7 +66,7 @@ impl Renderer {
     }
 }
 
-/// The middles of the equal cells of each pixel.
+/// The centres of the equal cells of each pixel.
 fn floor_points(scenario: &Scenario, side: Side) -> Vec<Point> {
     let size = scenario.patch.size;
     let fine = PatchGrid { size: SUBSAMPLES * size, ..scenario.patch };

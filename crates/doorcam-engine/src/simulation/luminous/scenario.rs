@@ -4,10 +4,10 @@ use doorcam_core::geometry::{Doorway, Room};
 use doorcam_core::scene::Rgb;
 use doorcam_core::transport::{PatchGrid, PixelLayout};
 
-/// Somebody who walks: a vertical cylinder that shines evenly.
+/// A person who walks: a vertical cylinder that shines evenly.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Person {
-    /// Who it is, in the truth.
+    /// Id in the truth.
     pub id: u64,
     /// Radius, in metres.
     pub radius_m: f64,
@@ -19,39 +19,39 @@ pub struct Person {
     pub walk: Walk,
 }
 
-/// All that a simulated recording shows.
+/// Everything that a simulated recording shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scenario {
     /// The doorway.
     pub doorway: Doorway,
-    /// The hidden room: who is outside of it is not in the truth.
+    /// The hidden room; people outside it are not in the truth.
     pub room: Room,
     /// What stands still on the hidden side.
     pub walls: Vec<Wall>,
-    /// Who walks there.
+    /// The people who walk there.
     pub people: Vec<Person>,
-    /// Light on the floor from the visible side, the same everywhere and always, relative to full scale.
+    /// Light on the floor from the visible side, uniform and constant, relative to full scale.
     pub visible_light: Rgb,
     /// The floor patches.
     pub patch: PatchGrid,
     /// The camera.
     pub sensor: Sensor,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
     /// Frames at the start that show the room without people; the walks start after them.
     pub background_frames: u64,
 }
 
 impl Scenario {
-    /// Frames of [`Scenario::demo`] that make one whole round, after which a loop continues without a jump.
+    /// Number of frames in one round of [`Scenario::demo`], after which a loop continues without a jump.
     pub const DEMO_FRAMES: u64 = 210;
 
-    /// The doorway of `doorcam demo`: two people, one warm red and one blue, come in through opposite side walls, pass each
-    /// other twice at different depths and leave again.
+    /// Two people, one warm red and one blue, who come in through opposite side walls, pass each other twice at
+    /// different depths and leave again.
     ///
-    /// A person changes the light on the floor by up to 4 to 9 percent, by where they are. They are brighter than what is
-    /// behind them, so that nearly every change is positive, and the room is as bright as the camera allows: a fixed λ
-    /// assumes a level of light, and a dimmer room is drawn towards the door.
+    /// A person changes the light on the floor by up to 4 to 9 percent, depending on their position. They are brighter
+    /// than what is behind them, so nearly every change is positive, and the room is as bright as the camera allows: a
+    /// fixed λ assumes a level of light, and a dimmer room is drawn towards the door.
     pub fn demo() -> Self {
         let (half, depth) = (1.5, 3.0);
         let wall = |from, to, radiance| Wall { from, to, height_m: 2.4, radiance };
@@ -119,12 +119,12 @@ impl Scenario {
         }
     }
 
-    /// Time of a frame since the recording's start, in seconds.
+    /// Time of a frame since the start of the recording, in seconds.
     pub fn seconds(&self, frame: u64) -> f64 {
         frame as f64 / self.fps
     }
 
-    /// The people whom a frame shows, each with its place, in the order of [`Scenario::people`]: nobody in the background
+    /// The people in a frame with their cylinders, in the order of [`Scenario::people`]; nobody in the background
     /// frames.
     pub fn people_in(&self, frame: u64) -> Vec<(&Person, Cylinder)> {
         let Some(walked) = frame.checked_sub(self.background_frames) else {

@@ -7,27 +7,28 @@ use doorcam_core::light::Patch;
 /// Largest code of a 16-bit image.
 const FULL_SCALE: f64 = 65535.0;
 
-/// How light becomes codes: photon noise, read noise and 16 bits.
+/// How light becomes codes: photon noise, read noise and 16-bit quantisation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensor {
-    /// Electrons at full scale, in one patch pixel (several pixels of a camera) and one exposure; infinite for no photon
-    /// noise.
+    /// Electrons at full scale, in one patch pixel (several pixels of a camera) and one exposure; infinite for no
+    /// photon noise.
     pub full_scale_electrons: f64,
     /// Standard deviation of the read noise of one patch pixel, in electrons.
     pub read_electrons: f64,
 }
 
 impl Sensor {
-    /// The generator of one frame's noise. Each frame has a stream of its own, so that frames can be made in any order.
+    /// Random generator for one frame's noise. Each frame has its own stream, so that frames can be made in any order.
     pub fn generator(seed: u64, frame: u64) -> impl Rng {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(frame);
         generator
     }
 
-    /// Codes of a patch of linear light relative to full scale: red, green, blue interleaved, row by row from the wall.
+    /// 16-bit codes of a patch of linear light relative to full scale: red, green, blue interleaved, row by row from
+    /// the wall.
     ///
-    /// With n electrons the variance is n + read²: at these thousands of electrons Poisson's law is a normal one.
+    /// With n electrons the variance is n + read². With thousands of electrons Poisson's distribution is normal.
     pub fn expose(&self, patch: &Patch, generator: &mut impl Rng) -> Vec<u16> {
         let read = self.read_electrons / self.full_scale_electrons;
         (0..3 * patch.pixels())

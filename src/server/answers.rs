@@ -1,0 +1,57 @@
+//! What the descriptions of several routes share: their tags, and the answers that are errors or pictures.
+
+use utoipa::{ToResponse, ToSchema};
+
+use super::problem::ProblemDetails;
+
+/// Tags that group the routes.
+pub(super) const STATE: &str = "State";
+pub(super) const ROOM: &str = "Room";
+pub(super) const PEOPLE: &str = "People";
+pub(super) const PICTURES: &str = "Pictures";
+pub(super) const SETUP: &str = "Setup";
+
+/// The description of 304 for answers that have an ETag.
+pub(super) const UNCHANGED: &str = "Not modified: If-None-Match names the current ETag";
+
+/// An image file.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+#[expect(dead_code, reason = "only its description matters")]
+pub(super) struct Picture(Vec<u8>);
+
+/// Error responses that several routes share.
+macro_rules! problems {
+    ($($(#[$description:meta])* $name:ident)*) => {$(
+        $(#[$description])*
+        #[derive(ToResponse)]
+        #[response(content_type = "application/problem+json")]
+        #[expect(dead_code, reason = "only its description matters")]
+        pub(super) struct $name(ProblemDetails);
+    )*};
+}
+
+problems! {
+    /// Not available yet: the detail says what is missing
+    NotYet
+    /// Not ready: no fresh update, or the history cannot be read
+    NotReady
+    /// Not found
+    Unknown
+    /// The request cannot be read: the detail says what was expected
+    Malformed
+    /// The body is too large
+    TooLarge
+    /// The request can be read but not used: the detail says why
+    Unfit
+    /// Not possible with this source, or not any more
+    Conflicting
+    /// No token, or a wrong one
+    WrongToken
+    /// Too many wrong tokens: Retry-After says when to try again
+    TooMany
+    /// Only a WebSocket is served here
+    NoSocket
+    /// An internal error of doorcam
+    Failed
+}
