@@ -7,6 +7,7 @@ use serde::Serialize;
 use crate::{Model, Reconstruction};
 use doorcam_core::light::{PatchPair, Sensing};
 use doorcam_core::scene::{Rgb, Scene};
+#[cfg(feature = "schema")]
 use doorcam_core::solver::ModelKind;
 use doorcam_core::tracking::{Detection, Event, Occupancy, Track};
 
