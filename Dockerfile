@@ -1,21 +1,25 @@
 # doorcam in a container: docker build -t doorcam . && docker run --rm -p 127.0.0.1:8080:8080 doorcam
 # A camera: docker run --rm -p 8080:8080 --device /dev/video0 --group-add video -v doorcam:/var/lib/doorcam \
 #   -e DOORCAM_TOKEN=... doorcam doorcam serve --source v4l2:/dev/video0 --listen 0.0.0.0:8080
-FROM rust:1-bookworm AS build
-RUN apt-get update && apt-get install -y --no-install-recommends libclang1 && rm -rf /var/lib/apt/lists/*
+# scripts/container runs these steps where there is no container engine.
+FROM rust:1-slim-bookworm AS build
+RUN apt-get update && apt-get install -y --no-install-recommends ca-certificates libclang1 && rm -rf /var/lib/apt/lists/*
 WORKDIR /src
 COPY Cargo.toml Cargo.lock ./
-COPY src src
-COPY web web
-COPY config config
+# Cargo asks for every target that the manifest names.
 COPY benches benches
-RUN cargo build --release --locked
+COPY config/doorcam.toml config/
+COPY web web
+COPY crates crates
+COPY src src
+ENV CARGO_PROFILE_RELEASE_STRIP=true
+RUN cargo build --release --locked --bin doorcam
 
 FROM debian:bookworm-slim
-# Certificates of brokers and of receivers of webhooks are checked against these.
-RUN apt-get update && apt-get install -y --no-install-recommends ca-certificates && rm -rf /var/lib/apt/lists/*
 RUN useradd --system --no-create-home doorcam && install -d -o doorcam -m 700 /var/lib/doorcam
-COPY --from=build /src/target/release/doorcam /usr/local/bin/doorcam
+# Certificates of brokers and of receivers of webhooks are checked against these.
+COPY --from=build /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/
+COPY --from=build /src/target/release/doorcam /usr/local/bin/
 USER doorcam
 EXPOSE 8080
 # What it keeps between runs: give it a volume.
