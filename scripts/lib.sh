@@ -1,17 +1,17 @@
-# Shared by the scripts beside it: installs what is missing, and says so.
+# Functions for the scripts in this directory. They install what is missing and report it.
 
 say() { printf '\n== %s\n' "$*" >&2; }
 
-# need COMMAND PACKAGE...: installs Debian packages unless the command is there.
+# need COMMAND PACKAGE...: installs Debian packages unless the command exists.
 need() {
   command -v "$1" >/dev/null || install_packages "$@"
 }
 
-# The build asks libclang about the kernel's camera interface; it is found where clang-sys looks for it.
+# The build needs libclang to read the kernel's camera headers. Searches where clang-sys does.
 need_libclang() {
   local found
   [ -z "${LIBCLANG_PATH:-}" ] || return 0
-  # find fails at links that lead nowhere.
+  # find -L fails on dangling links.
   found=$(find -L /usr/lib /usr/local/lib -maxdepth 3 \( -name 'libclang.so*' -o -name 'libclang-[0-9]*.so*' \) \
     -print -quit 2>/dev/null || true)
   [ -n "$found" ] || install_packages libclang libclang1
@@ -32,6 +32,6 @@ install_packages() {
   "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends "$@" >&2
 }
 
-# rustup puts cargo here; a shell that was open before does not know yet.
+# rustup puts cargo here, but shells opened before the installation do not have it in PATH.
 command -v cargo >/dev/null || PATH="$HOME/.cargo/bin:$PATH"
 command -v cargo >/dev/null || { echo "Rust is missing: install it from https://rustup.rs" >&2; exit 1; }

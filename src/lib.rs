@@ -1,40 +1,40 @@
-//! doorcam sees who moves in the room behind a doorway, from the light that falls on the floor in front of it.
+//! doorcam maps who moves in the hidden room behind a doorway, from the light on the floor in front of it.
 //!
-//! This crate is the program `doorcam` as a library: a daemon that watches one doorway and tells everybody who asks.
-//! The mathematics is in `doorcam-core`, frames come from `doorcam-source`, and `doorcam-engine` takes a frame from
-//! images to an update. Each of them works without this crate.
+//! This crate is the program `doorcam` as a library: a daemon that watches one doorway and publishes what it sees.
+//! The mathematics is in `doorcam-core`, frames come from `doorcam-source`, and `doorcam-engine` turns a frame's
+//! images into an update. Each of them works without this crate.
 //!
 //! # Modules
 //!
-//! Along the way of a frame:
+//! In the order in which a frame passes through them:
 //!
 //! | Module | What it does |
 //! |---|---|
-//! | [`config`] | the configuration file that steers it all: every key, its default and its range |
+//! | [`config`] | the configuration file: every key, its default and its range |
 //! | [`feed`] | opens a source of frames by its name: a camera, a recording or a simulation |
 //! | [`watch`] | the frame loop: capture, solve, and hand each update to everyone ([`watch::Hub`]) |
 //! | [`history`] | keeps events and occupancy in an SQLite file |
-//! | [`publish`] | tells other systems: MQTT, Home Assistant, webhooks |
+//! | [`publish`] | notifies other systems: MQTT, Home Assistant, webhooks |
 //! | [`server`] | the page, the REST API and the live socket, with access control and TLS |
 //!
 //! # Conventions
 //!
 //! - **Door frame.** The origin is on the floor at the middle of the opening, in the plane of the wall's hidden face.
 //!   For someone on the visible side who faces the door, x points to the right, y into the hidden room and z up.
-//! - **Units.** Keys of the API end in theirs: `_m` metres, `_m_s` metres per second, `_s` seconds, `_ms` milliseconds,
+//! - **Units.** API keys end in their unit: `_m` metres, `_m_s` metres per second, `_s` seconds, `_ms` milliseconds,
 //!   `_px` pixels, `_deg` degrees.
 //! - **Light** is linear, and 1 is the camera's full scale.
-//! - **Nothing waits for a client.** Queues have a limit and count what does not fit; a slow reader gets the newest
+//! - **Nothing waits for a client.** Queues are bounded and count what does not fit; a slow reader gets the newest
 //!   update.
 //!
 //! # Features
 //!
-//! - `v4l2` (on by default): webcams. Needs Linux, and libclang to build. Without it, doorcam replays recordings and
-//!   simulates.
+//! - `v4l2` (on by default): webcams. Needs Linux, and libclang to build. Without it, doorcam can only replay
+//!   recordings and simulate.
 //!
 //! # Example
 //!
-//! The frame loop without a server: watches a simulated doorway until there is an update.
+//! Runs the frame loop without a server until a simulated doorway yields an update:
 //!
 //! ```
 //! use std::sync::Arc;
@@ -65,7 +65,7 @@
 //! # }
 //! ```
 
-// What a user, a file or a device gives must never panic.
+// Input from a user, a file or a device must never cause a panic.
 #![warn(clippy::unwrap_used, clippy::expect_used)]
 
 pub mod config;

@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn without_a_file_an_engine_is_told_its_own_defaults() {
+    fn the_defaults_are_the_engines_defaults() {
         let of_file = |preset| Config::default().with_preset(preset).settings();
         assert_eq!(of_file(None), Settings::default());
         assert_eq!(of_file(Some(Preset::Published)), Settings::published());

@@ -1,4 +1,4 @@
-//! Where frames come from, opened: one way from the words on the command line to a running source, whoever reads it.
+//! Turns a source's name on the command line into a running source.
 
 mod spec;
 
@@ -19,7 +19,7 @@ pub use self::spec::{Place, Simulated, SourceSpec};
 use crate::config::CameraConfig;
 use crate::config::Config;
 
-/// What a source is.
+/// The kind of a source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum SourceKind {
@@ -31,20 +31,20 @@ pub enum SourceKind {
     Simulate,
 }
 
-/// What is fixed about a source.
+/// What never changes about a source.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct SourceInfo {
     /// As given on the command line.
     pub spec: String,
-    /// What it is.
+    /// Its kind.
     pub kind: SourceKind,
-    /// Its own words about itself, for people.
+    /// The source's own description, as free text.
     pub notes: String,
-    /// Frames a second that it should give.
+    /// Nominal frames per second.
     pub fps: f64,
 }
 
-/// Why a source cannot be read: one line that names it.
+/// Why a source cannot be opened. Displays as one line that names the source.
 #[derive(Debug, thiserror::Error)]
 pub enum FeedError {
     /// The recording cannot be used.
@@ -56,21 +56,20 @@ pub enum FeedError {
     /// The scenario describes no doorway that can be simulated.
     #[error("{scenario}: {reason}")]
     Simulation {
-        /// Its name or file.
+        /// The scenario's name or file.
         scenario: String,
         /// What is wrong with it.
         reason: String,
     },
-    /// This program has no part for it.
+    /// This build has no support for cameras.
     #[error("{0}: this doorcam was built without cameras (feature v4l2)")]
     NoCameras(String),
 }
 
-/// A source that was found, before its first frame.
+/// A source that has been found but not started.
 pub struct Feed {
     spec: String,
     opened: Opened,
-    #[cfg_attr(not(feature = "v4l2"), expect(dead_code, reason = "only cameras give less"))]
     every_frame: bool,
 }
 
@@ -89,11 +88,12 @@ struct Camera {
 }
 
 impl Feed {
-    /// Finds a source. A recording's manifest and a scenario are read here; a camera is looked for once it is started, and again
-    /// whenever it is gone.
+    /// Finds a source. A recording's manifest and a scenario are read here. A camera is only looked for after the
+    /// start, and again whenever it disappears.
     ///
     /// # Errors
-    /// If a recording or a scenario cannot be read, or a camera is asked for that this program has no part for.
+    /// If a recording or a scenario cannot be read, or the build does not support cameras and one is requested.
+    #[cfg_attr(not(feature = "v4l2"), expect(unused_variables, reason = "only cameras are configured"))]
     pub fn open(spec: &SourceSpec, config: &Config) -> Result<Self, FeedError> {
         let opened = match &spec.place {
             Place::Replay(directory, options) => Opened::Recording(Box::new(open_recording(directory)?), *options),
@@ -105,7 +105,7 @@ impl Feed {
             Place::Camera(_) => return Err(FeedError::NoCameras(spec.text.clone())),
             #[cfg(feature = "v4l2")]
             Place::Camera(name) => {
-                // The exposure that an earlier run has locked, if it has.
+                // Holds the exposure that an earlier run locked, if any.
                 let controls = config.storage.directory().map(|directory| directory.join("controls.json"));
                 let locked = Arc::new(Locked::new(controls));
                 Opened::Camera(Camera { name: name.clone(), config: config.camera.clone(), locked })
@@ -114,7 +114,7 @@ impl Feed {
         Ok(Self { spec: spec.text.clone(), opened, every_frame: false })
     }
 
-    /// Gives every frame of one round rather than the newest one for ever, as a recording wants it.
+    /// Delivers every frame of a single pass, as recording needs, instead of the newest frame forever.
     pub fn every_frame(mut self) -> Self {
         self.every_frame = true;
         if let Opened::Simulation(_, options) = &mut self.opened {
@@ -123,7 +123,7 @@ impl Feed {
         self
     }
 
-    /// What it is.
+    /// Its kind.
     pub fn kind(&self) -> SourceKind {
         match &self.opened {
             Opened::Recording(..) => SourceKind::Replay,
@@ -133,7 +133,7 @@ impl Feed {
         }
     }
 
-    /// What is fixed about it.
+    /// What never changes about it.
     pub fn info(&self) -> SourceInfo {
         let (notes, fps) = match &self.opened {
             Opened::Recording(recording, _) => (recording.manifest.notes.clone(), recording.manifest.fps),
@@ -144,7 +144,7 @@ impl Feed {
         SourceInfo { spec: self.spec.clone(), kind: self.kind(), notes, fps }
     }
 
-    /// The recording's directory, where it is one.
+    /// The recording's directory, if the source is a recording.
     pub fn recording(&self) -> Option<&Path> {
         match &self.opened {
             Opened::Recording(recording, _) => Some(&recording.path),
@@ -152,7 +152,7 @@ impl Feed {
         }
     }
 
-    /// What a source that is no camera says of itself: its doorway, its calibration, which frames show the empty room.
+    /// The manifest of a recording or simulation: doorway, calibration, frames of the empty room. `None` for a camera.
     pub fn manifest(&self) -> Option<&Manifest> {
         match &self.opened {
             Opened::Recording(recording, _) => Some(&recording.manifest),
@@ -162,8 +162,8 @@ impl Feed {
         }
     }
 
-    /// Takes this calibration in place of the source's own: a recording's manifest then says so, and a camera is asked for images
-    /// of this size.
+    /// Applies a calibration: it replaces the one in a recording's manifest, and a camera is asked for images of its
+    /// size. A simulation ignores it.
     pub fn use_calibration(&mut self, calibration: &Calibration) {
         match &mut self.opened {
             Opened::Recording(recording, _) => recording.manifest.set_calibration(calibration),
@@ -175,8 +175,8 @@ impl Feed {
         }
     }
 
-    /// In words, the camera's settings on which its pictures depend: those asked for, and those that were found and locked. None
-    /// for what is no camera.
+    /// The camera settings that its images depend on, as text: those requested and those found and locked. `None` for
+    /// other sources.
     pub fn camera_settings(&self) -> Option<Box<dyn Fn() -> String + Send + Sync>> {
         match &self.opened {
             Opened::Recording(..) | Opened::Simulation(..) => None,
@@ -188,7 +188,7 @@ impl Feed {
         }
     }
 
-    /// Starts it: frames can be asked for.
+    /// Starts the source.
     pub fn start(self) -> Box<dyn Source> {
         match self.opened {
             Opened::Recording(recording, options) => {
@@ -213,10 +213,10 @@ fn start_camera(camera: Camera, every_frame: bool) -> Box<dyn Source> {
     Box::new(Supervisor::new(device, SystemClock::default(), u64::from(std::process::id())))
 }
 
-/// Opens a recording and says which keys of its manifest mean nothing to this version.
+/// Opens a recording and logs the manifest keys that this version does not know.
 ///
 /// # Errors
-/// If there is none, or its manifest cannot be used.
+/// If there is no recording or its manifest cannot be used.
 pub fn open_recording(directory: &Path) -> Result<Recording, SourceError> {
     let recording = Recording::open(directory)?;
     for key in &recording.unknown_keys {
@@ -225,10 +225,10 @@ pub fn open_recording(directory: &Path) -> Result<Recording, SourceError> {
     Ok(recording)
 }
 
-/// A scenario, by name or file, ready to make frames.
+/// A simulator of a scenario, given by name or file.
 ///
 /// # Errors
-/// If there is no such scenario, or it cannot be simulated.
+/// If there is no such scenario or it cannot be simulated.
 pub fn simulator(scenario: &str, seed: u64) -> Result<Simulator, FeedError> {
     let refused = |reason: String| FeedError::Simulation { scenario: scenario.into(), reason };
     Simulator::new(Scenario::load(scenario)?, seed).map_err(refused)

@@ -1,4 +1,4 @@
-//! What a source is called on the command line.
+//! The syntax of a source on the command line.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -10,11 +10,11 @@ use doorcam_source::{Pace, ReplayOptions};
 pub struct SourceSpec {
     /// As given on the command line.
     pub text: String,
-    /// What that means.
+    /// The parsed text.
     pub place: Place,
 }
 
-/// What a source is read from.
+/// The place that a source is read from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Place {
     /// `replay:DIR[,loop][,rate=max]`
@@ -32,9 +32,9 @@ pub struct Simulated {
     pub scenario: String,
     /// Seed of its noise.
     pub seed: u64,
-    /// How fast it goes.
+    /// The pace of its frames.
     pub pace: Pace,
-    /// Whether to end after a round.
+    /// Whether to end after one pass.
     pub once: bool,
 }
 
@@ -60,7 +60,7 @@ impl FromStr for SourceSpec {
 fn replay(rest: &str) -> Result<Place, String> {
     let mut options = ReplayOptions { pace: Pace::Recorded, looped: false };
     let mut directory = rest;
-    // Options are taken from the end, so that a directory's name may have commas.
+    // Options are taken from the end, so that a directory's name may contain commas.
     while let Some((before, option)) = directory.rsplit_once(',') {
         match option {
             "loop" => options.looped = true,

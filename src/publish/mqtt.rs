@@ -18,49 +18,49 @@ use crate::config::{Config, MqttConfig};
 use crate::watch::Hub;
 use doorcam_source::camera::Backoff;
 
-/// Delays before the broker is tried again: first, and at last.
+/// First and longest delay before reconnecting to the broker.
 const RETRY: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(30)];
-/// The broker takes a client for dead that was silent for one and a half times this; seconds.
+/// Keep-alive interval in seconds. The broker considers a client dead after one and a half times this silence.
 const KEEP_ALIVE: u16 = 10;
-/// Tracks are told at most this often.
+/// Shortest time between two messages with tracks.
 const TRACKS: Duration = Duration::from_millis(500);
-/// How often is looked whether the updates have become stale.
+/// How often to check whether the updates have become stale.
 const TICK: Duration = Duration::from_secs(1);
-/// Messages that wait for the connection; what does not fit is told later, as it is then.
+/// Most messages that wait for the connection. What does not fit is sent later, with its value at that time.
 const WAITING: usize = 256;
-/// Bytes of a message at most; the tracks of a full room are some thousands.
+/// Longest message in bytes; the tracks of a full room take a few thousand.
 const LONGEST: usize = 65_536;
-/// How long the broker may take to be told of the end.
+/// How long to wait at the end for the broker to read everything.
 const FAREWELL: Duration = Duration::from_secs(1);
 
-/// What a broker is told, and how it is reached.
+/// How the broker is reached, and the names to publish under.
 #[derive(Clone)]
 pub(super) struct Settings {
     options: MqttOptions,
     broker: String,
     root: String,
-    /// What names this doorway to programs and to people.
+    /// Names of this doorway: `id` for programs, `name` for people.
     id: String,
     name: String,
-    /// First level of Home Assistant's topics; empty: nothing is announced there.
+    /// First level of Home Assistant's topics; empty to announce nothing there.
     home_assistant: String,
 }
 
-/// How the connection to the broker is.
+/// State of the connection to the broker.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct MqttReport {
     /// "connecting" or "connected".
     pub state: &'static str,
-    /// Where it is.
+    /// The broker's address.
     pub broker: String,
-    /// Under which topic everything is published.
+    /// The topic below which everything is published.
     pub topic: String,
-    /// What went wrong last; none while connected.
+    /// The last error; null while connected.
     #[schema(required)]
     pub error: Option<String>,
     /// Messages handed to the connection.
     pub published: u64,
-    /// Events that the broker was never told of, because it was away for too long.
+    /// Events that were never published because the broker was unreachable for too long.
     pub missed: u64,
 }
 
@@ -72,7 +72,7 @@ impl MqttReport {
 }
 
 impl Settings {
-    /// None where no broker is configured.
+    /// `None` if no broker is configured.
     pub(super) fn of(config: &Config) -> Result<Option<Self>, PublishError> {
         let MqttConfig { host, port, tls, ca_file, username, password_file, prefix, home_assistant } = &config.mqtt;
         if host.is_empty() {
@@ -93,7 +93,7 @@ impl Settings {
             }
         }
         if *tls {
-            // Another part of the program may have chosen the same before.
+            // Fails if another part of the program has already installed it, which is fine.
             let _ = ring::default_provider().install_default();
             options.set_transport(if ca_file.as_os_str().is_empty() {
                 Transport::tls_with_default_config()
@@ -110,7 +110,7 @@ impl Settings {
     }
 }
 
-/// What the broker was told over this connection.
+/// What has been published over this connection.
 struct Session<'a> {
     settings: &'a Settings,
     hub: &'a Hub,
@@ -118,31 +118,31 @@ struct Session<'a> {
     client: AsyncClient,
     topics: Topics,
     announcements: Vec<Announcement>,
-    /// Of which zones these are, by the hub's count of their changes.
+    /// The hub's zone revision that `topics` and `announcements` were made for.
     zones: u32,
     /// The last payload of each retained topic.
     told: HashMap<String, String>,
-    /// Whether it was told who it is that tells.
+    /// Whether the announcements and the availability have been published.
     introduced: bool,
     tracks_at: Option<Instant>,
-    /// The last event that was told, or that happened before there was anybody to tell.
+    /// Number of the last published event.
     event: Option<u64>,
 }
 
-/// What becomes of the connection.
+/// A change of the connection.
 enum News {
     Made,
     Lost(String),
     Closed,
 }
 
-/// Keeps the broker informed until `ending` turns true; tries again whenever it is away.
+/// Publishes until `ending` turns true, reconnecting whenever the connection is lost.
 pub(super) async fn run(settings: Settings, hub: &Hub, report: &Mutex<MqttReport>, mut ending: watch::Receiver<bool>) {
     describe_gauge!("doorcam_mqtt_connected", "1 while there is a connection to the MQTT broker");
     describe_counter!("doorcam_mqtt_published_total", "Messages handed to the connection to the MQTT broker");
     let (client, connection) = AsyncClient::new(settings.options.clone(), WAITING);
     let (tell, mut news) = mpsc::channel(1);
-    // A task of its own: polling must go on whatever else there is to do, and not be broken off.
+    // A separate task, because polling must not stall behind other work or be cancelled half-way.
     let polling = tokio::spawn(keep_connected(connection, tell));
     let (zones, topics, announcements) = described(&settings, hub);
     let mut session = Session {
@@ -183,18 +183,18 @@ pub(super) async fn run(settings: Settings, hub: &Hub, report: &Mutex<MqttReport
             session.tell();
         }
     }
-    // A broker that is left properly keeps the last will to itself.
+    // After a proper disconnect the broker does not publish the last will, so publish "offline" here.
     if connected && session.retain(session.topics.availability(), "offline".into()) {
         let closed = async { while !matches!(news.recv().await, Some(News::Closed) | None) {} };
         if session.client.try_disconnect().is_ok() {
-            // It is over either way.
+            // Nothing more can be done if this times out.
             let _ = timeout(FAREWELL, closed).await;
         }
     }
     polling.abort();
 }
 
-/// Connects again and again, ever more patiently, until it is told to disconnect.
+/// Polls the connection and reconnects with increasing delays until a disconnect has been sent.
 async fn keep_connected(mut connection: EventLoop, tell: mpsc::Sender<News>) {
     let [first, longest] = RETRY;
     let mut backoff = Backoff::new(first, longest, u64::from(std::process::id()));
@@ -206,8 +206,8 @@ async fn keep_connected(mut connection: EventLoop, tell: mpsc::Sender<News>) {
                 leaving |= event == Event::Outgoing(Outgoing::Disconnect);
                 continue;
             }
-            // The broker closes the connection once it has read everything. Closed from here, with acknowledgements unread, it would
-            // be broken off, and the broker would miss the end.
+            // Wait for the broker to close the connection once it has read everything. Closing it here with
+            // unread acknowledgements would reset it, and the broker would miss the last messages.
             Err(_) if leaving => News::Closed,
             Err(error) => News::Lost(error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")),
         };
@@ -235,14 +235,14 @@ impl Session<'_> {
             (report.state, report.error) = ("connected", None);
         }
         tracing::info!("{broker}: connected, publishing under {root}");
-        // Another broker, or one without a memory, may have come back.
+        // The broker may be another one, or may have lost its retained messages.
         self.told.clear();
         self.introduced = false;
     }
 
-    /// False if too much waits already.
+    /// Publishes the announcements and the availability. False if the queue is full.
     fn introduce(&mut self) -> bool {
-        // Taken out, for telling changes what was told.
+        // Taken out because `retain` borrows all of `self`.
         let announcements = std::mem::take(&mut self.announcements);
         let mut each = announcements.iter();
         let told = each.all(|Announcement { topic, payload }| self.retain(topic.clone(), payload.clone()));
@@ -250,7 +250,7 @@ impl Session<'_> {
         told && self.retain(self.topics.availability(), "online".into())
     }
 
-    /// Other zones were drawn: what the broker keeps of those that are gone is taken back.
+    /// Switches to new zones and clears the retained messages of those that are gone.
     fn rezone(&mut self) {
         (self.zones, self.topics, self.announcements) = described(self.settings, self.hub);
         self.introduced = false;
@@ -262,7 +262,7 @@ impl Session<'_> {
             zones.chain(room).chain(self.announcements.iter().map(|announcement| announcement.topic.clone())).collect();
         let gone: Vec<String> = self.told.keys().filter(|topic| !kept.contains(*topic)).cloned().collect();
         for topic in gone {
-            // An empty message is how a broker is told to keep none.
+            // An empty payload makes the broker delete its retained message.
             self.retain(topic.clone(), String::new());
             self.told.remove(&topic);
         }
@@ -277,7 +277,7 @@ impl Session<'_> {
         (report.state, report.error) = ("connecting", Some(why));
     }
 
-    /// Tells what is not known to the broker yet.
+    /// Publishes everything that the broker does not know yet.
     fn tell(&mut self) {
         if self.zones != self.hub.zones_revision() {
             self.rezone();
@@ -313,7 +313,7 @@ impl Session<'_> {
         }
     }
 
-    /// Tells a value that the broker keeps, unless it has it; false if too much waits already.
+    /// Publishes a retained value unless the broker has it already. False if the queue is full.
     fn retain(&mut self, topic: String, payload: String) -> bool {
         if self.told.get(&topic) == Some(&payload) {
             return true;
@@ -325,7 +325,7 @@ impl Session<'_> {
         taken
     }
 
-    /// False if too much waits already.
+    /// Publishes a message. False if the queue is full.
     fn publish(&mut self, topic: &str, quality: QoS, retain: bool, payload: String) -> bool {
         let taken = self.client.try_publish(topic, quality, retain, payload).is_ok();
         if taken {
@@ -336,9 +336,9 @@ impl Session<'_> {
     }
 }
 
-/// What the zones in use are told under, and announced as.
+/// Revision, topics and announcements of the zones in use.
 fn described(settings: &Settings, hub: &Hub) -> (u32, Topics, Vec<Announcement>) {
-    // Before the zones: should they change in between, this is done again.
+    // Read before the zones: if they change in between, the old revision makes this run again.
     let revision = hub.zones_revision();
     let zones = hub.zones();
     let zones: Vec<&str> = zones.iter().map(|zone| zone.name.as_str()).collect();
@@ -350,7 +350,7 @@ fn described(settings: &Settings, hub: &Hub) -> (u32, Topics, Vec<Announcement>)
     (revision, topics, announcements)
 }
 
-/// Completes when the end is told of, or nobody is left to tell.
+/// Completes when `ending` turns true or its sender is gone.
 async fn until(ending: &mut watch::Receiver<bool>) {
     let _ = ending.wait_for(|&ending| ending).await;
 }

@@ -1,4 +1,4 @@
-//! The names of the MQTT topics of one doorway.
+//! Names of the MQTT topics of one doorway.
 
 use super::facts::zone_levels;
 
@@ -24,7 +24,7 @@ impl Topics {
         self.zones.len()
     }
 
-    /// The level that names a zone.
+    /// The topic level of a zone.
     pub(super) fn zone(&self, zone: usize) -> &str {
         self.zones.get(zone).map_or("", String::as_str)
     }
@@ -37,12 +37,12 @@ impl Topics {
         format!("{}/state", self.root)
     }
 
-    /// `ON` and `OFF`, of the room or of a zone.
+    /// Topic of the occupancy, `ON` or `OFF`, of the hidden room or of a zone.
     pub(super) fn occupancy(&self, zone: Option<usize>) -> String {
         format!("{}/occupancy", self.place(zone))
     }
 
-    /// How many people, in the room or in a zone.
+    /// Topic of the number of people in the hidden room or in a zone.
     pub(super) fn count(&self, zone: Option<usize>) -> String {
         format!("{}/people", self.place(zone))
     }

@@ -1,4 +1,4 @@
-//! What the descriptions of several routes share: their tags, and the answers that are errors or pictures.
+//! OpenAPI parts that several routes share: tags, error responses and images.
 
 use utoipa::{ToResponse, ToSchema};
 
@@ -11,7 +11,7 @@ pub(super) const PEOPLE: &str = "People";
 pub(super) const PICTURES: &str = "Pictures";
 pub(super) const SETUP: &str = "Setup";
 
-/// The description of 304 for answers that have an ETag.
+/// Description of status 304 for responses that have an ETag.
 pub(super) const UNCHANGED: &str = "Not modified: If-None-Match names the current ETag";
 
 /// An image file.
@@ -32,25 +32,25 @@ macro_rules! problems {
 }
 
 problems! {
-    /// Not available yet: the detail says what is missing
+    /// Not available yet; the detail says what is missing
     NotYet
     /// Not ready: no fresh update, or the history cannot be read
     NotReady
     /// Not found
     Unknown
-    /// The request cannot be read: the detail says what was expected
+    /// The request cannot be parsed; the detail says what was expected
     Malformed
     /// The body is too large
     TooLarge
-    /// The request can be read but not used: the detail says why
+    /// The request can be parsed but not used; the detail says why
     Unfit
-    /// Not possible with this source, or not any more
+    /// Not possible with this source, or no longer possible
     Conflicting
     /// No token, or a wrong one
     WrongToken
-    /// Too many wrong tokens: Retry-After says when to try again
+    /// Too many wrong tokens; Retry-After says when to try again
     TooMany
-    /// Only a WebSocket is served here
+    /// This endpoint only serves WebSocket connections
     NoSocket
     /// An internal error of doorcam
     Failed

@@ -1,4 +1,4 @@
-//! A calibration's file: replaced whole or not at all, with the one before kept beside it.
+//! The calibration file: replaced atomically, with the previous version kept beside it.
 
 use std::fs;
 use std::io;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use doorcam_core::calibration::Calibration;
 use doorcam_source::files::replace;
 
-/// A file that cannot be read or written: one line that names it.
+/// A calibration file that cannot be read or written. Displays as one line with the path and the reason.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {reason}")]
 pub struct StoreError {
@@ -22,7 +22,7 @@ pub struct CalibrationStore {
 }
 
 impl CalibrationStore {
-    /// In `file`; its directory is made when something is kept.
+    /// A store in `file`. Its directory is created by the first [`save`](Self::save).
     pub fn new(file: PathBuf) -> Self {
         Self { file }
     }
@@ -32,23 +32,32 @@ impl CalibrationStore {
         &self.file
     }
 
-    /// What is kept; none if nothing was.
+    /// The stored calibration, or `None` if nothing has been saved.
+    ///
+    /// # Errors
+    /// If the file exists but cannot be read or is not a calibration.
     pub fn load(&self) -> Result<Option<Calibration>, StoreError> {
         read(&self.file)
     }
 
-    /// Whether there is one before the one kept.
+    /// Whether a previous calibration is stored.
     pub fn has_previous(&self) -> bool {
         self.before().exists()
     }
 
-    /// The one before the one kept.
+    /// The previous calibration, or `None` if there is none.
+    ///
+    /// # Errors
+    /// If its file exists but cannot be read or is not a calibration.
     pub fn previous(&self) -> Result<Option<Calibration>, StoreError> {
         read(&self.before())
     }
 
-    /// Keeps a calibration, and the one that was kept as the previous one. After a crash at any moment there is either the old
-    /// or the new one.
+    /// Saves a calibration and keeps the one it replaces as the previous one. A crash at any moment leaves either the
+    /// old or the new one.
+    ///
+    /// # Errors
+    /// If a file cannot be read or written.
     pub fn save(&self, calibration: &Calibration) -> Result<(), StoreError> {
         let failed = |path: &Path, e: &io::Error| StoreError {
             path: path.display().to_string(),
@@ -81,5 +90,5 @@ fn read(file: &Path) -> Result<Option<Calibration>, StoreError> {
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(e) => return Err(failed(format!("cannot be read: {e}"))),
     };
-    serde_json::from_str(&text).map(Some).map_err(|e| failed(format!("is no calibration: {e}")))
+    serde_json::from_str(&text).map(Some).map_err(|e| failed(format!("is not a calibration: {e}")))
 }

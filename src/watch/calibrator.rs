@@ -1,4 +1,4 @@
-//! The calibration in use: looked at, checked, replaced and kept on disk while frames go on.
+//! The calibration in use: reported, checked, replaced and saved while frames keep coming.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -12,16 +12,16 @@ use doorcam_core::calibration::{Calibration, Check};
 use doorcam_core::schema;
 use doorcam_engine::{Assembly, Engine, SetupError};
 
-/// Where the calibration of a run is kept, if it may be changed at all.
+/// Where a run's calibration is stored, if it may be changed at all.
 #[derive(Debug)]
 pub enum Keeping {
     /// In a file.
     File(CalibrationStore),
-    /// Nowhere: one line says why it cannot be changed.
+    /// Not stored. The text says in one line why it cannot be changed.
     Fixed(String),
 }
 
-/// Checks, applies and keeps calibrations.
+/// Checks, applies and saves calibrations.
 pub struct Calibrator {
     keeping: Keeping,
     hub: Arc<Hub>,
@@ -40,35 +40,35 @@ struct State {
 pub struct CalibrationReport {
     /// Whether it can be changed.
     pub editable: bool,
-    /// Why not.
+    /// Why it cannot be changed.
     #[schema(required)]
     pub reason: Option<String>,
-    /// What the camera gives now: width and height in pixels; none before its first frame.
+    /// Width and height of the camera's images now, in pixels; null before its first frame.
     #[schema(value_type = Option<schema::Size>, required)]
     pub size: Option<[usize; 2]>,
-    /// The one in use; none yet.
+    /// The calibration in use; null if there is none yet.
     #[schema(required)]
     pub calibration: Option<Calibration>,
-    /// What it is worth.
+    /// The result of checking it.
     #[schema(required)]
     pub check: Option<Check>,
-    /// Whether the one before is kept.
+    /// Whether the previous calibration is stored and can be restored.
     pub previous: bool,
 }
 
-/// Why a calibration is not in use now.
+/// Why a calibration was not put into use.
 #[derive(Debug, thiserror::Error)]
 pub enum CalibrationRefused {
-    /// It may not be changed.
+    /// The calibration of this run may not be changed.
     #[error("{0}")]
     Fixed(String),
-    /// It does not tell where the floor is.
+    /// It does not determine where the camera sees the floor.
     #[error("{0}")]
     Unfit(String),
-    /// There is none before it.
+    /// There is no previous calibration.
     #[error("there is no previous calibration")]
     NoPrevious,
-    /// It could not be kept.
+    /// It could not be read or saved.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The source ended.
@@ -77,7 +77,7 @@ pub enum CalibrationRefused {
 }
 
 impl Calibrator {
-    /// For a run whose frames `control` steers; `calibration` is the one in use.
+    /// For the run that `control` commands; `calibration` is the one in use.
     pub fn new(
         assembly: Assembly,
         keeping: Keeping,
@@ -106,15 +106,15 @@ impl Calibrator {
         }
     }
 
-    /// The calibration in use, with the lens and the transfer function of the configuration where it does not tell.
+    /// The calibration in use, with the configuration's lens and transfer function where it has none of its own.
     pub fn calibration(&self) -> Option<Calibration> {
         let state = self.state();
         state.calibration.as_ref().map(|calibration| state.assembly.complete(calibration))
     }
 
-    /// What a calibration would be worth.
+    /// Checks a calibration without using it.
     pub fn check(&self, calibration: &Calibration) -> Check {
-        // A copy, for checking takes a while.
+        // Checking takes a while: work on a copy instead of holding the lock.
         let assembly = self.state().assembly.clone();
         self.check_with(&assembly, calibration)
     }
@@ -129,7 +129,10 @@ impl Calibrator {
         check
     }
 
-    /// Uses a calibration from the next frame on, and keeps it and the one before.
+    /// Uses a calibration from the next frame on and saves it, keeping the one before as the previous one.
+    ///
+    /// # Errors
+    /// If it may not be changed, fails its check or cannot be saved, or the source has ended.
     pub fn replace(&self, calibration: Calibration) -> Result<(), CalibrationRefused> {
         let Keeping::File(store) = &self.keeping else { return Err(self.fixed()) };
         let mut state = self.state();
@@ -138,7 +141,10 @@ impl Calibrator {
         self.go_on_with(&mut state, calibration, engine)
     }
 
-    /// Uses the calibration before this one again, and keeps this one in its place.
+    /// Swaps the calibration in use with the previous one.
+    ///
+    /// # Errors
+    /// As [`Self::replace`], and if there is no previous calibration.
     pub fn restore(&self) -> Result<(), CalibrationRefused> {
         let Keeping::File(store) = &self.keeping else { return Err(self.fixed()) };
         let mut state = self.state();
@@ -148,8 +154,11 @@ impl Calibrator {
         self.go_on_with(&mut state, calibration, engine)
     }
 
-    /// Uses another configuration of room, grid, model and tracker from the next frame on: with the same calibration, whose
-    /// number changes, for the map does, too.
+    /// Uses another configuration of room, grid, model and tracker from the next frame on. The calibration stays the
+    /// same, but its revision changes because the map does.
+    ///
+    /// # Errors
+    /// If it may not be changed, does not fit the calibration, or the source has ended.
     pub fn reconfigure(&self, config: &Config) -> Result<(), CalibrationRefused> {
         let Keeping::File(_) = &self.keeping else { return Err(self.fixed()) };
         let mut state = self.state();

@@ -19,20 +19,20 @@ use doorcam_engine::{BackgroundReport, Published, State, Update, Watched};
 use doorcam_source::recorder::RecordingStatus;
 use doorcam_source::{Condition, Granted, RawFrame, RawImages, SourceState};
 
-/// The newest images, as they came.
+/// The newest images, as the source delivered them.
 #[derive(Debug, Clone)]
 pub struct CapturedImages {
-    /// Counts frames of this run.
+    /// Number of the frame in this run, from 0.
     pub number: u64,
     /// The images.
     pub images: RawImages,
     /// When they were captured.
     pub time: Timestamp,
-    /// When they came.
+    /// When they arrived.
     pub at: Instant,
 }
 
-/// What is told every single update, on the thread of the frames: it must return at once.
+/// Called with every update on the solver thread, so it must return at once.
 type Listener = Box<dyn Fn(&Update) + Send + Sync>;
 
 /// Hands updates and status from the frame loop to everyone who asks.
@@ -69,35 +69,35 @@ struct Counters {
 /// Counts of frames since the start.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, ToSchema)]
 pub struct Frames {
-    /// Frames that the source gave.
+    /// Frames that the source delivered.
     pub captured: u64,
-    /// Frames that became updates.
+    /// Frames that were turned into updates.
     pub solved: u64,
-    /// Frames that a newer one replaced.
+    /// Frames that a newer one replaced before they were solved.
     pub dropped: u64,
-    /// Frames that the camera made and that never arrived, by its numbering.
+    /// Frames that the camera numbered but that never arrived.
     pub lost: u64,
     /// Frames that were missing or broken.
     pub skipped: u64,
-    /// Frames that were lost to an internal error of doorcam's.
+    /// Frames that were lost to an internal error of doorcam.
     pub failed: u64,
-    /// The last one that was skipped: file and reason.
+    /// The last skipped frame: file and reason.
     #[schema(required)]
     pub last_skipped: Option<String>,
 }
 
-/// How doorcam is doing.
+/// The state of the daemon, its source and its newest update.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct Status {
     /// Version of the program.
     pub version: &'static str,
     /// Whether the map can be trusted.
     pub state: State,
-    /// The daemon's clock, for who wants to know how old an update is.
+    /// The daemon's current time, for clients that compute the age of an update.
     pub time: Timestamp,
     /// Seconds since the start.
     pub uptime_s: f64,
-    /// The model in use; none before there is a calibration.
+    /// The model in use; null before there is a calibration.
     #[schema(value_type = Option<ModelKind>, required)]
     pub model: Option<&'static str>,
     /// The preset in use.
@@ -105,9 +105,9 @@ pub struct Status {
     pub preset: Option<Preset>,
     /// λ of eq. 13 in the newest update; 0 before there is a map.
     pub lambda: f64,
-    /// Whether it is known where the camera sees the floor: without, there is no map.
+    /// Whether it is known where the camera sees the floor. Without that there is no map.
     pub calibrated: bool,
-    /// Counts calibrations of this run; updates have the number of theirs.
+    /// Counts calibrations in this run; each update carries the number of its own.
     pub calibration_revision: u32,
     /// Counts changes of the zones in this run.
     pub zones_revision: u32,
@@ -115,43 +115,43 @@ pub struct Status {
     pub source: SourceStatus,
     /// Counts of frames.
     pub frames: Frames,
-    /// Frames a second over the last seconds.
+    /// Frames per second over the last seconds.
     pub rate_hz: Rates,
-    /// What the newest update is a change against; none before the first, and where the background is fixed.
+    /// The background that the newest update is compared with; null before the first update and if it is fixed.
     #[schema(required)]
     pub background: Option<BackgroundReport>,
-    /// The newest update; none before the first.
+    /// The newest update; null before the first.
     #[schema(required)]
     pub last_update: Option<LastUpdate>,
-    /// The recording under way, or the last one; none before the first.
+    /// The recording in progress, or the last one; null before the first.
     #[schema(required)]
     pub recording: Option<RecordingStatus>,
-    /// Clients of the live socket.
+    /// Clients connected to the live socket.
     pub clients: usize,
 }
 
-/// Where frames come from and how that goes.
+/// The source and its current state.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct SourceStatus {
-    /// What is fixed.
+    /// What never changes during the run.
     #[serde(flatten)]
     pub info: SourceInfo,
-    /// Where it stands.
+    /// Its current state.
     pub state: SourceState,
-    /// Why it is not streaming; none while all is well.
+    /// Why it is not streaming; null while it is.
     #[schema(required)]
     pub error: Option<String>,
-    /// What the camera granted; none for what is no camera, and while it is not open.
+    /// What the camera granted; null for other sources and while no camera is open.
     #[schema(required)]
     pub granted: Option<Granted>,
 }
 
-/// Frames a second.
+/// Frames per second.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
 pub struct Rates {
-    /// From the source.
+    /// Delivered by the source.
     pub captured: f64,
-    /// To updates.
+    /// Turned into updates.
     pub solved: f64,
 }
 
@@ -197,9 +197,9 @@ impl Rate {
 }
 
 impl Hub {
-    /// A hub without updates; `watched` is none as long as there is no calibration.
+    /// A hub without updates. `watched` is `None` as long as there is no calibration.
     pub fn new(watched: Option<Watched>, preset: Option<Preset>, source: SourceInfo) -> Self {
-        // As the page does it: a picture is not of now once five frames are overdue, or two seconds passed.
+        // The same rule as on the page: stale after five frame intervals, but not before two seconds.
         let stale_after = Duration::from_secs_f64((5.0 / source.fps).max(2.0));
         let counters = Counters {
             state: State::Learning,
@@ -225,19 +225,19 @@ impl Hub {
         }
     }
 
-    /// Knows the zones and keeps as much of people's paths as is configured.
+    /// Takes the zones and the length of the paths to keep from the configuration.
     pub fn configured(mut self, config: &Config) -> Self {
         self.recent = Mutex::new(Recent::new(config.tracker.history_s));
         lock(&self.zones).zones.clone_from(&config.zones);
         self
     }
 
-    /// Keeps so many seconds of each track's path from now on.
+    /// Keeps `history_s` seconds of each track's path from now on.
     pub fn keep_paths(&self, history_s: f64) {
         lock(&self.recent).keep(history_s);
     }
 
-    /// Tells every single update to `listener`, which must return at once.
+    /// Calls `listener` with every update; it must return at once.
     pub fn telling(mut self, listener: impl Fn(&Update) + Send + Sync + 'static) -> Self {
         self.listeners.push(Box::new(listener));
         self
@@ -259,13 +259,14 @@ impl Hub {
         zoned.revision += 1;
     }
 
-    /// What is kept of a track; none if there is no such track, or it ended too long ago.
+    /// What is kept of a track; `None` if there is no such track or it ended too long ago.
     pub fn track(&self, id: u64) -> Option<TrackHistory> {
         let latest = self.latest();
         lock(&self.recent).track(id, latest.as_ref().map_or(&[], |latest| &latest.update.tracks))
     }
 
-    /// Of the last thousand events, the first `limit` after number `after`; without one, the newest.
+    /// The first `limit` events after number `after`, or the newest `limit` if it is `None`. The last thousand events
+    /// are kept.
     pub fn events(&self, after: Option<u64>, limit: usize) -> Vec<Event> {
         lock(&self.recent).events(after, limit)
     }
@@ -275,22 +276,22 @@ impl Hub {
         if self.latest().is_some() && !self.is_fresh() { State::Stale } else { lock(&self.counters).state }
     }
 
-    /// What the updates are of; none before there is a calibration.
+    /// What the updates describe; `None` before there is a calibration.
     pub fn watched(&self) -> Option<Watched> {
         lock(&self.watched).clone()
     }
 
-    /// Width and height of the camera's images; none while no camera is open, and for other sources.
+    /// Width and height of the camera's images in pixels; `None` while no camera is open and for other sources.
     pub fn size(&self) -> Option<[usize; 2]> {
         lock(&self.counters).condition.granted.as_ref().map(|granted| granted.size)
     }
 
-    /// Frames a second that the camera granted, or that the source should give.
+    /// Frames per second that the camera granted, or else the source's nominal rate.
     pub fn fps(&self) -> f64 {
         lock(&self.counters).condition.granted.as_ref().map_or(self.source.fps, |granted| granted.fps)
     }
 
-    /// How the recording is doing, or how the last one ended; none before the first.
+    /// Progress of the recording, or how the last one ended; `None` before the first.
     pub fn recording(&self) -> Option<RecordingStatus> {
         self.tap.status()
     }
@@ -299,12 +300,12 @@ impl Hub {
         &self.tap
     }
 
-    /// The newest images; none before the first frame.
+    /// The newest images; `None` before the first frame.
     pub fn seen(&self) -> Option<CapturedImages> {
         self.seen.borrow().clone()
     }
 
-    /// To be told of each frame; who is slow sees the newest only.
+    /// A receiver that is notified of each frame; a slow reader sees only the newest.
     pub fn frames(&self) -> watch::Receiver<Option<CapturedImages>> {
         self.seen.subscribe()
     }
@@ -314,17 +315,17 @@ impl Hub {
         self.latest.borrow().clone()
     }
 
-    /// To be told of each update; who is slow sees the newest only.
+    /// A receiver that is notified of each update; a slow reader sees only the newest.
     pub fn subscribe(&self) -> watch::Receiver<Option<Arc<Published>>> {
         self.latest.subscribe()
     }
 
-    /// Whether the newest update is of now.
+    /// Whether the newest update is recent enough to show the present.
     pub fn is_fresh(&self) -> bool {
         self.latest().is_some_and(|p| p.at.elapsed() <= self.stale_after)
     }
 
-    /// Everything there is to say, for `clients` listeners.
+    /// The complete status, with `clients` as the number of live clients.
     pub fn status(&self, clients: usize) -> Status {
         let now = Instant::now();
         let last = self.latest();
@@ -393,7 +394,7 @@ impl Hub {
         self.meters.dropped.increment(count);
     }
 
-    /// Counts a skipped frame; returns how many there are and whether the reason is that of the one before.
+    /// Counts a skipped frame. Returns the total and whether the reason is the same as the previous one.
     pub(super) fn skipped(&self, why: String) -> (u64, bool) {
         self.meters.skipped.increment(1);
         let frames = &mut lock(&self.counters).frames;
@@ -420,7 +421,7 @@ impl Hub {
 
     pub(super) fn condition(&self, condition: Condition) {
         let mut counters = lock(&self.counters);
-        // An error is not covered up by the end that follows it.
+        // Keep an error visible when the end of the source follows it.
         if counters.condition.state != SourceState::Failed {
             self.meters.source_is(condition.state);
             counters.condition = condition;

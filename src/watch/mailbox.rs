@@ -1,32 +1,32 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// A slot for one item between a producer and a consumer: a newer item replaces one that was not taken, unless that one must
-/// be kept.
+/// A slot for one item between a producer and a consumer. A newer item replaces one that has not been taken, unless the
+/// older one must be kept.
 pub struct Mailbox<T> {
     slot: Mutex<Slot<T>>,
     changed: Condvar,
 }
 
-/// What became of an item that was put in.
+/// The result of putting an item in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Put<T> {
-    /// It is in an empty slot.
+    /// The slot was empty.
     Alone,
-    /// It took the place of this one, which nobody will see.
+    /// It replaced this item, which is dropped.
     Instead(T),
-    /// The consumer is gone, and so is the item.
+    /// The mailbox is closed and the item was dropped.
     Closed,
 }
 
-/// What was in a mailbox.
+/// The result of taking an item out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Taken<T> {
     /// An item.
     Item(T),
     /// Nothing yet.
     Nothing,
-    /// Nothing, and nothing will come.
+    /// Nothing, and nothing will follow.
     Closed,
 }
 
@@ -47,8 +47,8 @@ impl<T> Mailbox<T> {
         self.slot.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Puts an item in. One that must be kept is never replaced: it waits for the item before it to be taken, and every later
-    /// item waits for it.
+    /// Puts an item in. An item with `keep` is never replaced: the call waits until the item before it has been taken,
+    /// and later calls wait until this one has been.
     pub fn put(&self, item: T, keep: bool) -> Put<T> {
         let must_wait = |slot: &mut Slot<T>| {
             let occupied = slot.item.as_ref().is_some_and(|(_, kept)| keep || *kept);
@@ -77,13 +77,13 @@ impl<T> Mailbox<T> {
         }
     }
 
-    /// Ends the traffic: what is in the slot can still be taken.
+    /// Closes the mailbox. An item already in the slot can still be taken.
     pub fn close(&self) {
         self.lock().closed = true;
         self.changed.notify_all();
     }
 
-    /// Whether it was closed.
+    /// Whether it has been closed.
     pub fn is_closed(&self) -> bool {
         self.lock().closed
     }
@@ -111,8 +111,7 @@ mod tests {
         assert_eq!(mailbox.take(LONG), Taken::Closed);
     }
 
-    /// Puts these items in, each kept or not, and returns what a consumer gets that takes one only once all have been offered
-    /// that do not wait for it.
+    /// Puts these items in, each with its `keep`, and returns what a slow consumer takes.
     fn taken(items: Vec<(u32, bool)>) -> Vec<u32> {
         let mailbox = Arc::new(Mailbox::default());
         let producer = std::thread::spawn({
@@ -126,7 +125,7 @@ mod tests {
         });
         let mut taken = Vec::new();
         loop {
-            // Slower than the producer, whatever the machine does: it is either waiting or done.
+            // By now the producer is either waiting or done.
             std::thread::sleep(Duration::from_millis(5));
             match mailbox.take(LONG) {
                 Taken::Item(item) => taken.push(item),
@@ -140,7 +139,7 @@ mod tests {
     #[test]
     fn what_must_be_kept_is_never_lost() {
         assert_eq!(taken((0..100).map(|k| (k, true)).collect()), (0..100).collect::<Vec<_>>());
-        // Whatever may be dropped waits for what may not.
+        // An item that may be dropped waits behind one that may not.
         let kept: Vec<u32> = taken((0..60).map(|k| (k, k % 3 == 0)).collect());
         assert!((0..60).step_by(3).all(|k| kept.contains(&k)), "{kept:?}");
         assert!(kept.is_sorted(), "{kept:?}");

@@ -1,4 +1,4 @@
-//! The figures of `/metrics`, in Prometheus' terms.
+//! The metrics served at `/metrics` for Prometheus.
 
 use metrics::{
     Counter, Gauge, Histogram, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram,
@@ -8,7 +8,7 @@ use doorcam_core::tracking::TrackState;
 use doorcam_engine::{SolutionReport, State, Timing, Update};
 use doorcam_source::SourceState;
 
-/// Handles to the figures, made once: counting a frame looks nothing up.
+/// Handles to the metrics, created once so that counting a frame needs no lookup.
 pub(super) struct Meters {
     pub(super) captured: Counter,
     pub(super) solved: Counter,
@@ -40,24 +40,24 @@ const WATCH_STATES: [(State, &str); 3] =
 const STAGES: [&str; 7] = ["decode", "rectify", "background", "project", "solve", "track", "total"];
 
 impl Meters {
-    /// With the recorder that is installed, or none.
+    /// Registers the metrics with the installed recorder; without one they do nothing.
     pub(super) fn new() -> Self {
-        describe_counter!("doorcam_frames_captured_total", "Frames that the source gave");
-        describe_counter!("doorcam_frames_solved_total", "Frames that became updates");
-        describe_counter!("doorcam_frames_dropped_total", "Frames that a newer one replaced");
-        describe_counter!("doorcam_frames_lost_total", "Frames that the camera made and that never arrived");
+        describe_counter!("doorcam_frames_captured_total", "Frames that the source delivered");
+        describe_counter!("doorcam_frames_solved_total", "Frames that were turned into updates");
+        describe_counter!("doorcam_frames_dropped_total", "Frames that a newer one replaced before they were solved");
+        describe_counter!("doorcam_frames_lost_total", "Frames that the camera numbered but that never arrived");
         describe_counter!("doorcam_frames_skipped_total", "Frames that were missing or broken");
         describe_counter!("doorcam_frames_failed_total", "Frames that were lost to an internal error");
-        describe_gauge!("doorcam_source_state", "1 for the state in which the source is");
+        describe_gauge!("doorcam_source_state", "1 for the current state of the source");
         describe_gauge!("doorcam_state", "1 for the state of the newest update");
-        describe_histogram!("doorcam_stage_seconds", "Time that a frame took in each stage");
+        describe_histogram!("doorcam_stage_seconds", "Time that each stage took for a frame");
         describe_gauge!(
             "doorcam_background_age_seconds",
-            "Time since the empty room was learned; NaN while that goes on"
+            "Time since the empty room was learned; NaN while it is being learned"
         );
-        describe_gauge!("doorcam_solution_gap", "Share of the newest map's objective that is not proven to be needed");
+        describe_gauge!("doorcam_solution_gap", "Relative gap between the newest map's objective and its lower bound");
         describe_gauge!("doorcam_clients", "Clients of the live socket");
-        describe_gauge!("doorcam_people", "People who are followed, confirmed or coasting");
+        describe_gauge!("doorcam_people", "People being tracked, confirmed or coasting");
         let meters = Self {
             captured: counter!("doorcam_frames_captured_total"),
             solved: counter!("doorcam_frames_solved_total"),
@@ -72,7 +72,7 @@ impl Meters {
             gap: gauge!("doorcam_solution_gap"),
             people: gauge!("doorcam_people"),
         };
-        // A counter that nobody has counted yet is 0, not absent.
+        // A counter that has never been incremented should be reported as 0, not be absent.
         for counter in
             [&meters.captured, &meters.solved, &meters.dropped, &meters.lost, &meters.skipped, &meters.failed]
         {
@@ -91,7 +91,7 @@ impl Meters {
         self.watch.iter().for_each(|(state, gauge)| gauge.set(f64::from(*state == now)));
     }
 
-    /// Shows an update: its state, and how long its stages took.
+    /// Records an update's state and the time that each of its stages took.
     pub(super) fn publish(&self, update: &Update) {
         self.solved.increment(1);
         self.watch_is(update.state);

@@ -1,7 +1,7 @@
-//! The frame loop: from a source's frames to updates that everyone shares.
+//! The frame loop: turns a source's frames into updates that all readers share.
 //!
-//! One thread captures, one solves; between them is a slot for the newest frame ([`Mailbox`]). Each solved frame becomes
-//! one immutable update ([`doorcam_engine::Published`]), serialised once, in the [`Hub`].
+//! One thread captures and one solves; between them is a slot for the newest frame ([`Mailbox`]). Each solved frame
+//! becomes one immutable update ([`doorcam_engine::Published`]), serialised once and handed to the [`Hub`].
 
 mod calibration_store;
 mod calibrator;

@@ -7,14 +7,14 @@ use utoipa::ToSchema;
 use doorcam_core::tracking::{Event, Track};
 use doorcam_engine::Update;
 
-/// Events that are kept.
+/// Most events that are kept.
 const MOST_EVENTS: usize = 1000;
-/// Tracks whose paths are kept.
+/// Most tracks whose paths are kept.
 const MOST_TRACKS: usize = 64;
-/// Places of a path that are kept.
+/// Most points that are kept of a path.
 const MOST_PLACES: usize = 2048;
 
-/// The last updates' people: events, and the paths of tracks.
+/// Recent events and the paths of recent tracks.
 #[derive(Debug)]
 pub(super) struct Recent {
     history: SignedDuration,
@@ -33,39 +33,39 @@ struct Followed {
 pub struct PathPoint {
     /// Time of capture, RFC 3339.
     pub time: Timestamp,
-    /// In metres in the door frame.
+    /// x in metres in the door frame.
     pub x_m: f64,
-    /// The same, into the room.
+    /// y in metres in the door frame, into the hidden room.
     pub y_m: f64,
 }
 
-/// A track and what is kept of it.
+/// A track with its recent path and events.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct TrackHistory {
-    /// As the last update that had it reported it.
+    /// The track as last reported.
     pub track: Track,
     /// Whether it has ended.
     pub ended: bool,
-    /// Where it was in the last seconds, the oldest first.
+    /// Where it was in the last seconds, oldest first.
     pub path: Vec<PathPoint>,
-    /// What it did, the first first.
+    /// Its events, oldest first.
     pub events: Vec<Event>,
 }
 
 impl Recent {
-    /// Keeps so many seconds of each path.
+    /// Keeps `history_s` seconds of each path.
     pub fn new(history_s: f64) -> Self {
         let mut recent = Self { history: SignedDuration::ZERO, events: VecDeque::new(), tracks: Vec::new() };
         recent.keep(history_s);
         recent
     }
 
-    /// Keeps so many from now on.
+    /// Keeps `history_s` seconds of each path from now on.
     pub fn keep(&mut self, history_s: f64) {
         self.history = SignedDuration::try_from_secs_f64(history_s).unwrap_or(SignedDuration::ZERO);
     }
 
-    /// Takes an update in.
+    /// Records an update.
     pub fn take(&mut self, update: &Update) {
         for event in &update.events {
             if self.events.len() == MOST_EVENTS {
@@ -91,7 +91,7 @@ impl Recent {
                 followed.path.pop_front();
             }
         }
-        // Tracks end in the order of this list at last: the newest are at its end.
+        // Tracks are in order of appearance, so the oldest ended ones are removed first.
         let is_followed = |followed: &Followed| update.tracks.iter().any(|t| t.id == followed.last.id);
         self.tracks.retain(|followed| !followed.path.is_empty() || is_followed(followed));
         while let Some(ended) =
@@ -101,7 +101,7 @@ impl Recent {
         }
     }
 
-    /// The first `limit` events after number `after`; without one, the newest.
+    /// The first `limit` events after number `after`, or the newest `limit` if it is `None`.
     pub fn events(&self, after: Option<u64>, limit: usize) -> Vec<Event> {
         let first = match after {
             Some(after) => self.events.partition_point(|event| event.sequence <= after),
@@ -110,7 +110,8 @@ impl Recent {
         self.events.range(first..).take(limit).cloned().collect()
     }
 
-    /// What is kept of a track, with the newest update's `current` ones; none if it is not known, or no longer.
+    /// What is kept of a track, or `None` if nothing is. It has ended unless it is among the newest update's `current`
+    /// tracks.
     pub fn track(&self, id: u64, current: &[Track]) -> Option<TrackHistory> {
         let followed = self.tracks.iter().find(|t| t.last.id == id)?;
         Some(TrackHistory {
@@ -163,7 +164,7 @@ mod tests {
         let numbers = |after, limit| recent.events(after, limit).iter().map(|e| e.sequence).collect::<Vec<_>>();
         assert_eq!(numbers(None, 3), [1497, 1498, 1499]);
         assert_eq!(numbers(Some(1200), 2), [1201, 1202]);
-        assert_eq!(numbers(Some(3), 2), [500, 501], "what is no longer kept is missing");
+        assert_eq!(numbers(Some(3), 2), [500, 501], "older events are no longer kept");
         assert_eq!(numbers(Some(1499), 2), [0; 0]);
         assert_eq!(numbers(Some(u64::MAX), 2), [0; 0]);
     }
@@ -194,7 +195,7 @@ mod tests {
             recent.take(&update(1, &[1_000_000, k], 0..0));
         }
         assert_eq!(recent.tracks.len(), MOST_TRACKS);
-        assert!(recent.track(1_000_000, &[]).is_some(), "who is there is kept");
+        assert!(recent.track(1_000_000, &[]).is_some(), "a current track is never removed");
         for _ in 0..2 * MOST_PLACES {
             recent.take(&update(2, &[1_000_000], 0..0));
         }

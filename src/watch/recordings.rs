@@ -1,4 +1,4 @@
-//! Recordings of what a running source gives: begun and ended by whoever watches, never in the way of the frame loop.
+//! Recordings of a running source, started and stopped over the API without delaying the frame loop.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,98 +13,99 @@ use doorcam_source::SourceState;
 use doorcam_source::recorder::{RecordError, Recorder, RecordingLimits, RecordingPlan, RecordingStatus};
 use doorcam_source::recording::{Layout, Manifest};
 
-/// What somebody wants to record; all of it can be left out.
+/// A request to record; every field is optional.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RecordingWish {
-    /// Its directory's name; the time of its beginning.
+    /// Name of its directory; by default the time at which it starts.
     pub name: Option<String>,
-    /// It ends after so many seconds; [`Recordings::SECONDS`].
+    /// Length in seconds; by default [`Recordings::SECONDS`].
     pub seconds: Option<f64>,
-    /// The room is empty for so many seconds from the first frame on, 0 if it never is; [`Recordings::EMPTY_SECONDS`].
+    /// Seconds from the first frame on in which the room is empty, 0 if it never is; by default
+    /// [`Recordings::EMPTY_SECONDS`].
     pub empty_seconds: Option<f64>,
 }
 
-/// GET /api/v1/recording.
+/// The answer to GET /api/v1/recording.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct RecordingReport {
-    /// Whether one can be begun now.
+    /// Whether a recording can be started now.
     pub possible: bool,
-    /// Why not.
+    /// Why none can be started.
     #[schema(required)]
     pub reason: Option<String>,
-    /// The directory in which they are kept, each in its own; none if there is no place for them.
+    /// The directory that holds a subdirectory for each recording; null if none is configured.
     #[schema(required, value_type = Option<String>)]
     pub directory: Option<PathBuf>,
-    /// Seconds after which one ends at the latest.
+    /// Longest recording, in seconds.
     pub most_seconds: f64,
-    /// Bytes before which one ends.
+    /// Largest recording, in bytes.
     pub most_bytes: u64,
-    /// The one under way, or the last one; none before the first.
+    /// The recording in progress, or the last one; null before the first.
     #[schema(required)]
     pub recording: Option<RecordingStatus>,
 }
 
-/// Why nothing is recorded.
+/// Why a recording was not started or stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingRefused {
     /// There is no directory for recordings.
     #[error("there is no place for recordings, expected --storage DIR, storage.directory or $HOME")]
     NoPlace,
-    /// One at a time.
+    /// Another recording is in progress.
     #[error("a recording is under way already")]
     Busy,
-    /// There will be no frames.
+    /// The source has ended.
     #[error("the source has ended: no frames will come to record")]
     Ended,
-    /// A recording needs to know where the floor is.
+    /// The camera has no calibration, which a recording needs.
     #[error("the camera is not calibrated yet: a recording of it could not be replayed")]
     Uncalibrated,
-    /// The camera's pictures are not those that the calibration is for.
+    /// The camera's images differ in size from those that the calibration is for.
     #[error("the calibration is for {} x {} pixels, the camera gives {} x {}", .0[0], .0[1], .1[0], .1[1])]
     Size([usize; 2], [usize; 2]),
-    /// No name for a directory.
+    /// The name cannot be used for a directory.
     #[error("name is {0:?}, expected 1 to {LONGEST_NAME} letters, digits, spaces and -_. with no . at the start")]
     Name(String),
-    /// No length that a recording can have.
+    /// A length is out of range.
     #[error("{0} is {1}, expected a number of seconds {2}")]
     Seconds(&'static str, f64, String),
-    /// Nothing is being recorded.
+    /// No recording is in progress.
     #[error("nothing is being recorded")]
     NotRecording,
-    /// It cannot be written.
+    /// The recording cannot be written.
     #[error(transparent)]
     Write(#[from] RecordError),
 }
 
 const LONGEST_NAME: usize = 64;
 
-/// Records what a running source gives, one recording at a time, each in a directory of its own.
+/// Records a running source, one recording at a time, each in its own directory.
 pub struct Recordings {
     directory: Option<PathBuf>,
-    /// What the source says of itself; none for a camera, whose calibration tells.
+    /// The source's manifest; `None` for a camera, which has a calibration instead.
     manifest: Option<Manifest>,
     hub: Arc<Hub>,
-    /// Held while one is begun or ended.
+    /// Held while a recording is started or stopped.
     changing: Mutex<()>,
 }
 
 impl Recordings {
-    /// Length of a recording unless somebody says otherwise, in seconds.
+    /// Default length of a recording, in seconds.
     pub const SECONDS: f64 = 60.0;
-    /// Seconds at the start that show the empty room unless somebody says otherwise.
+    /// Default time at the start that shows the empty room, in seconds.
     pub const EMPTY_SECONDS: f64 = 3.0;
-    /// The longest one, in seconds.
+    /// Longest recording, in seconds.
     pub const MOST_SECONDS: f64 = 3600.0;
-    /// The largest one, in bytes.
+    /// Largest recording, in bytes.
     pub const MOST_BYTES: u64 = 4_000_000_000;
 
-    /// In `directory`, which is made with the first one. A source that is no camera has its `manifest`.
+    /// Recordings in `directory`, which is created with the first one. Sources other than cameras have a `manifest`.
     pub fn new(directory: Option<PathBuf>, manifest: Option<Manifest>, hub: Arc<Hub>) -> Self {
         Self { directory, manifest, hub, changing: Mutex::new(()) }
     }
 
-    /// What there is to say, with the `calibration` in use.
+    /// The current state, with the `calibration` in use.
     pub fn report(&self, calibration: Option<&Calibration>) -> RecordingReport {
         let reason = self.ready(calibration).err().map(|e| e.to_string());
         RecordingReport {
@@ -117,7 +118,10 @@ impl Recordings {
         }
     }
 
-    /// Begins one, of a camera with this `calibration`.
+    /// Starts a recording; `calibration` is the one in use.
+    ///
+    /// # Errors
+    /// If nothing can be recorded now, `wish` is out of range, or the directory cannot be written.
     pub fn start(&self, wish: &RecordingWish, calibration: Option<&Calibration>) -> Result<(), RecordingRefused> {
         let _changing = self.changing.lock().unwrap_or_else(PoisonError::into_inner);
         let directory = self.ready(calibration)?;
@@ -126,7 +130,7 @@ impl Recordings {
             let range = format!("from 0 to below {}", Self::MOST_SECONDS);
             return Err(RecordingRefused::Seconds("empty_seconds", empty, range));
         }
-        // Something of it must be left after a long time of an empty room.
+        // The default length must leave time after a long empty room.
         let usual = if empty < Self::SECONDS { Self::SECONDS } else { (2.0 * empty).min(Self::MOST_SECONDS) };
         let seconds = wish.seconds.unwrap_or(usual);
         if !(seconds > empty && seconds <= Self::MOST_SECONDS) {
@@ -148,7 +152,10 @@ impl Recordings {
         Ok(())
     }
 
-    /// Ends the one under way, and waits until it is on the disk.
+    /// Stops the recording in progress and waits until it is on disk.
+    ///
+    /// # Errors
+    /// If nothing is being recorded.
     pub fn stop(&self) -> Result<(), RecordingRefused> {
         let _changing = self.changing.lock().unwrap_or_else(PoisonError::into_inner);
         if !self.hub.tap().is_recording() {
@@ -158,7 +165,7 @@ impl Recordings {
         Ok(())
     }
 
-    /// Ends what is under way, if anything is.
+    /// Stops the recording in progress, if any, and waits until it is on disk.
     pub fn finish(&self) {
         if let Some(status) = self.hub.tap().end() {
             let (name, written) = (status.directory.display(), &status.written);
@@ -166,7 +173,7 @@ impl Recordings {
         }
     }
 
-    /// The directory, if one can be begun now.
+    /// The directory, if a recording can be started now.
     fn ready(&self, calibration: Option<&Calibration>) -> Result<&Path, RecordingRefused> {
         let directory = self.directory.as_deref().ok_or(RecordingRefused::NoPlace)?;
         if matches!(self.hub.source_state(), SourceState::Ended | SourceState::Failed) {
@@ -195,7 +202,7 @@ impl Recordings {
             manifest.set_calibration(calibration);
         }
         manifest.notes = if manifest.notes.is_empty() { recorded } else { format!("{} ({recorded})", manifest.notes) };
-        // The source's own frames of the empty room need not be among those that are recorded.
+        // The frames that the source's manifest lists as empty room may not be among those recorded.
         manifest.background_frames = None;
         Ok(manifest)
     }

@@ -2,7 +2,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
 
@@ -19,57 +19,60 @@ struct Captured {
     time: Timestamp,
 }
 
-/// What the frame loop is told while it runs.
+/// A command to the running frame loop.
 pub enum Command {
-    /// Goes on with this engine, of a new calibration.
+    /// Continues with this engine, built from another calibration or configuration.
     Use(Box<Engine>),
-    /// Learns the empty room anew, from now on.
+    /// Learns the empty room again, starting now.
     ResetBackground,
     /// Counts people in these zones from now on.
     UseZones(Vec<Zone>),
-    /// Ends, with what is to be kept put away.
+    /// Stops after saving the background.
     End,
 }
 
-/// A frame loop that runs.
+/// A running frame loop.
 pub struct Running {
     control: Control,
     solve: JoinHandle<()>,
 }
 
 impl Running {
-    /// What tells it what to do.
+    /// The handle that commands it.
     pub fn control(&self) -> &Control {
         &self.control
     }
 
-    /// Ends it; returns when what it keeps is put away.
+    /// Stops it and waits until the background is saved.
     pub fn end(self) {
         self.control.tell(Command::End);
-        // A panic has been reported when it happened.
+        // A panic has already been reported when it happened.
         let _ = self.solve.join();
     }
 }
 
-/// Tells a running frame loop what to do.
+/// Sends commands to a running frame loop.
 #[derive(Clone)]
 pub struct Control(Sender<Command>);
 
 impl Control {
-    /// What is told takes effect before the next frame; false if the loop has ended.
+    /// Sends a command, which takes effect before the next frame. Returns false if the loop has ended.
     pub fn tell(&self, command: Command) -> bool {
         self.0.send(command).is_ok()
     }
 }
 
-/// So many panics in a row are not bad luck any more.
+/// After this many panics in a row, calls are delayed.
 const PANICS: u32 = 3;
 
 /// How often the solver thread looks for commands while no frames come.
 const TICK: Duration = Duration::from_millis(100);
 
-/// Starts the capture and the solver thread; they end with the source. Without an engine, frames are only looked at, until
-/// [`Command::Use`] brings one.
+/// Starts the capture and the solver thread, which end with the source. Without an engine, frames are only shown
+/// until [`Command::Use`] brings one.
+///
+/// # Errors
+/// If a thread cannot be started.
 pub fn start(source: Box<dyn Source>, engine: Option<Engine>, hub: Arc<Hub>) -> std::io::Result<Running> {
     let mailbox = Arc::new(Mailbox::default());
     let (tell, commands) = channel();
@@ -89,6 +92,7 @@ pub fn start(source: Box<dyn Source>, engine: Option<Engine>, hub: Arc<Hub>) -> 
             commands,
             may_lack_background: false,
             rebuild: false,
+            resume: Instant::now(),
             frame: None,
         };
         match solver.run() {
@@ -102,7 +106,7 @@ pub fn start(source: Box<dyn Source>, engine: Option<Engine>, hub: Arc<Hub>) -> 
     Ok(Running { control: Control(tell), solve })
 }
 
-/// Closes the mailbox however its thread ends, so that the other one ends too.
+/// Closes the mailbox when its thread ends, even by a panic, so that the other thread ends too.
 struct Closing<'a>(&'a Mailbox<Captured>);
 
 impl Drop for Closing<'_> {
@@ -115,16 +119,27 @@ fn ended(state: SourceState, reason: Option<String>) -> Condition {
     Condition { state, reason, granted: None }
 }
 
-/// Runs `once` until it says how it ended. A panic in it costs that one call: `failed` is told of it, with its message, and
-/// after [`PANICS`] in a row each further call waits longer.
-fn repeat<T, S>(state: &mut S, once: impl Fn(&mut S) -> Option<T>, failed: impl Fn(&mut S, &str)) -> T {
+/// What one call of a loop's body did.
+enum Step<T> {
+    /// The loop is over, with this result.
+    Over(T),
+    /// It did some work.
+    Done,
+    /// There was nothing to do.
+    Idle,
+}
+
+/// Calls `once` until it returns a result. A panic costs only that call: `failed` gets its message, and how long to wait
+/// before the next attempt. There is no need to wait before [`PANICS`] attempts in a row have failed.
+fn repeat<T, S>(state: &mut S, once: impl Fn(&mut S) -> Step<T>, failed: impl Fn(&mut S, &str, Duration)) -> T {
     let mut backoff = Backoff::new(Duration::from_secs(1), Duration::from_secs(30), 0);
     let mut panics = 0;
     loop {
-        // What a panic may have left half done is the state's to mend: `failed` says so.
+        // Unwind safety: `failed` marks the state, and the next call repairs what the panic left half-finished.
         match catch_unwind(AssertUnwindSafe(|| once(state))) {
-            Ok(Some(end)) => return end,
-            Ok(None) => {
+            Ok(Step::Over(result)) => return result,
+            Ok(Step::Idle) => {}
+            Ok(Step::Done) => {
                 panics = 0;
                 backoff.reset();
             }
@@ -132,16 +147,14 @@ fn repeat<T, S>(state: &mut S, once: impl Fn(&mut S) -> Option<T>, failed: impl 
                 panics += 1;
                 let text = panic.downcast_ref::<&str>().copied();
                 let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
-                failed(state, text.unwrap_or("no message"));
-                if panics >= PANICS {
-                    std::thread::sleep(backoff.next_delay());
-                }
+                let wait = if panics < PANICS { Duration::ZERO } else { backoff.next_delay() };
+                failed(state, text.unwrap_or("no message"), wait);
             }
         }
     }
 }
 
-/// Takes what the source gives and hands it on.
+/// Reads the source and passes its frames to the solver.
 struct Capture<'a> {
     source: Box<dyn Source>,
     mailbox: &'a Mailbox<Captured>,
@@ -150,17 +163,18 @@ struct Capture<'a> {
 
 impl Capture<'_> {
     fn run(&mut self) {
-        repeat(self, Self::once, |capture, panic| {
+        repeat(self, Self::once, |capture, panic, wait| {
             capture.hub.failed(1);
             tracing::error!("the source failed on an internal error: {panic}");
+            std::thread::sleep(wait);
         });
     }
 
-    /// The next thing that the source says; something when there will be no more, or nobody wants it.
-    fn once(&mut self) -> Option<()> {
-        let Some(next) = self.source.next() else { return Some(()) };
+    /// Handles one event of the source. Returns a value when the source or the solver has ended.
+    fn once(&mut self) -> Step<()> {
+        let Some(next) = self.source.next() else { return Step::Over(()) };
         if self.mailbox.is_closed() {
-            return Some(());
+            return Step::Over(());
         }
         let Self { source, mailbox, hub } = self;
         match next {
@@ -170,7 +184,7 @@ impl Capture<'_> {
                 match mailbox.put(Captured { frame, time }, source.lossless()) {
                     Put::Alone => {}
                     Put::Instead(_) => hub.dropped(1),
-                    Put::Closed => return Some(()),
+                    Put::Closed => return Step::Over(()),
                 }
             }
             SourceEvent::Skipped(skipped) => {
@@ -189,13 +203,13 @@ impl Capture<'_> {
                 tell(&condition, hub.source_state());
                 hub.condition(condition);
             }
-            SourceEvent::Nothing => {}
+            SourceEvent::Nothing => return Step::Idle,
         }
-        None
+        Step::Done
     }
 }
 
-/// Says in the log what the page shows, with the state `before`.
+/// Logs a change of the source's condition; `before` is its previous state.
 fn tell(condition: &Condition, before: SourceState) {
     let Some(granted) = &condition.granted else {
         condition.reason.iter().for_each(|reason| tracing::warn!("{reason}"));
@@ -214,8 +228,8 @@ fn tell(condition: &Condition, before: SourceState) {
     mismatches.iter().for_each(|mismatch| tracing::warn!("{node}: {mismatch}"));
 }
 
-/// Counts a frame that could not be used. A camera that gives nothing else for weeks must not fill the log: what is the same
-/// again is said ever more rarely.
+/// Counts a frame that could not be used. A camera that delivers nothing else for weeks must not fill the log, so a
+/// repeated reason is logged at powers of two only.
 fn skip(hub: &Hub, skipped: &SkippedFrame) {
     let (count, same_again) = hub.skipped(skipped.to_string());
     if !same_again || count.is_power_of_two() {
@@ -223,64 +237,73 @@ fn skip(hub: &Hub, skipped: &SkippedFrame) {
     }
 }
 
-/// Works on captured frames, and does what it is told between two of them.
+/// Solves captured frames and carries out commands between them.
 struct Solver<'a> {
     engine: Option<Engine>,
     mailbox: &'a Mailbox<Captured>,
     hub: &'a Hub,
     commands: Receiver<Command>,
-    /// Whether frames of the empty room may have gone by unlearned: before another calibration, or in a panic.
+    /// Whether frames of the empty room may have been missed, before a new engine or because of a panic.
     may_lack_background: bool,
-    /// Whether a panic may have left the engine half done.
+    /// Whether a panic may have left the engine half-finished.
     rebuild: bool,
-    /// The frame that is worked on.
+    /// No frame is worked on before this time.
+    resume: Instant,
+    /// Name of the current frame.
     frame: Option<Arc<str>>,
 }
 
 impl Solver<'_> {
-    /// Solves frames until there are no more; an error if none of them can be solved.
+    /// Solves frames until there are no more. Fails if there is no background for them.
     fn run(&mut self) -> Result<(), String> {
-        repeat(self, Self::once, |solver, panic| {
+        repeat(self, Self::once, |solver, panic, wait| {
             (solver.rebuild, solver.may_lack_background) = (true, true);
             let frame = solver.frame.take();
             let frame = frame.as_deref().unwrap_or("between two frames");
             solver.hub.failed(1);
-            tracing::error!("{frame}: an internal error ({panic}): this frame is lost, and the engine is built anew");
+            solver.resume = Instant::now() + wait;
+            tracing::error!("{frame}: an internal error ({panic}): this frame is lost, and the engine is rebuilt");
         })
     }
 
-    /// At most one frame; something when it is over.
-    fn once(&mut self) -> Option<Result<(), String>> {
-        if self.rebuild {
-            self.engine.iter_mut().for_each(Engine::rebuild);
-            self.engine.iter_mut().for_each(|engine| engine.use_zones(self.hub.zones()));
-            self.rebuild = false;
-        }
+    /// Handles commands and at most one frame. Returns a value at the end.
+    fn once(&mut self) -> Step<Result<(), String>> {
         while let Ok(command) = self.commands.try_recv() {
             match command {
                 Command::Use(next) => self.go_on_with(*next),
                 Command::UseZones(zones) => self.engine.iter_mut().for_each(|engine| engine.use_zones(zones.clone())),
                 Command::ResetBackground => self.engine.iter_mut().for_each(Engine::reset_background),
-                Command::End => return Some(Ok(())),
+                Command::End => return Step::Over(Ok(())),
             }
+        }
+        // Commands are carried out meanwhile, and the mailbox keeps what must be kept.
+        let wait = self.resume.saturating_duration_since(Instant::now());
+        if !wait.is_zero() {
+            std::thread::sleep(wait.min(TICK));
+            return Step::Idle;
+        }
+        if self.rebuild {
+            self.engine.iter_mut().for_each(Engine::rebuild);
+            self.engine.iter_mut().for_each(|engine| engine.use_zones(self.hub.zones()));
+            self.rebuild = false;
         }
         let Captured { frame, time } = match self.mailbox.take(TICK) {
             Taken::Item(captured) => captured,
-            Taken::Nothing => return None,
-            Taken::Closed => return Some(Ok(())),
+            Taken::Nothing => return Step::Idle,
+            Taken::Closed => return Step::Over(Ok(())),
         };
-        let engine = self.engine.as_mut()?;
+        let Some(engine) = &mut self.engine else { return Step::Idle };
         self.frame = Some(Arc::clone(&frame.name));
         let solved = engine.step(&frame, time);
         match solved {
             Ok(published) => self.hub.publish(published),
             Err(StepError::Skipped(skipped)) => skip(self.hub, &skipped),
-            // A recording that begins again shows the empty room again.
+            // A looped recording will show the empty room again.
             Err(StepError::NoBackground) if self.may_lack_background => {}
-            Err(e @ StepError::NoBackground) => return Some(Err(e.to_string())),
+            Err(e @ StepError::NoBackground) => return Step::Over(Err(e.to_string())),
         }
         self.frame = None;
-        None
+        Step::Done
     }
 
     fn go_on_with(&mut self, mut next: Engine) {
@@ -288,10 +311,10 @@ impl Solver<'_> {
         if let Some(engine) = self.engine.take() {
             next.continue_from(engine);
         }
-        // It was made with the zones of the start.
+        // The engine was built with the zones of the program's start.
         next.use_zones(self.hub.zones());
         self.engine = Some(next);
-        self.may_lack_background = true;
+        (self.may_lack_background, self.rebuild) = (true, false);
     }
 }
 
@@ -300,8 +323,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_panic_costs_one_call_and_is_told_with_its_message() {
-        // Calls 2 and 3 fail, the second with a formatted message; the fifth is the end.
+    fn a_panic_costs_one_call_and_only_many_in_a_row_make_it_wait() {
+        // Calls 2, 3 and 5 fail in a row, for call 4 is idle. Call 8 fails alone.
         let mut state = (0, Vec::new());
         let end = repeat(
             &mut state,
@@ -309,13 +332,16 @@ mod tests {
                 *calls += 1;
                 match calls {
                     2 => panic!("two"),
-                    3 => panic!("call {calls}"),
-                    5 => Some(*calls),
-                    _ => None,
+                    3 | 5 | 8 => panic!("call {calls}"),
+                    4 => Step::Idle,
+                    9 => Step::Over(*calls),
+                    _ => Step::Done,
                 }
             },
-            |(_, told), panic| told.push(panic.to_owned()),
+            |(_, told), panic, wait| told.push((panic.to_owned(), wait.is_zero())),
         );
-        assert_eq!((end, state.1), (5, vec!["two".to_owned(), "call 3".to_owned()]));
+        let told = |text: &str, at_once| (text.to_owned(), at_once);
+        assert_eq!(state.1, [told("two", true), told("call 3", true), told("call 5", false), told("call 8", true)]);
+        assert_eq!(end, 9);
     }
 }

@@ -1,4 +1,4 @@
-//! The zones in use: replaced and kept on disk while frames go on.
+//! The zones in use: replaced and saved while frames keep coming.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -17,16 +17,16 @@ use doorcam_source::files::replace;
 pub enum ZoneOrigin {
     /// The configuration file.
     Config,
-    /// They were drawn, and outlive this run.
+    /// Drawn by a user and saved for later runs.
     Saved,
-    /// They were drawn, and end with this run: there is no place to keep them.
+    /// Drawn by a user for this run only, because no storage is configured.
     Run,
 }
 
-/// Why other zones are not in use now.
+/// Why zones were not put into use.
 #[derive(Debug, thiserror::Error)]
 pub enum ZonesRefused {
-    /// They are no zones.
+    /// They are not valid.
     #[error(transparent)]
     Unfit(#[from] ConfigError),
     /// Their file cannot be read or written.
@@ -39,7 +39,7 @@ pub enum ZonesRefused {
     },
 }
 
-/// Replaces zones and keeps them.
+/// Replaces the zones in use and saves them.
 pub struct ZoneKeeper {
     file: Option<PathBuf>,
     hub: Arc<Hub>,
@@ -59,7 +59,8 @@ struct Kept {
 }
 
 impl ZoneKeeper {
-    /// For a run whose frames `control` steers. `configured` are the configuration's; those in use are of `origin`.
+    /// For the run that `control` commands. `configured` are the configuration's zones; `origin` says where those in
+    /// use come from.
     pub fn new(
         configured: Vec<Zone>,
         file: Option<PathBuf>,
@@ -70,7 +71,10 @@ impl ZoneKeeper {
         Self { file, hub, control, state: Mutex::new(State { configured, origin }) }
     }
 
-    /// What a file keeps; none if nothing was kept.
+    /// The zones saved in a file, or `None` if it does not exist.
+    ///
+    /// # Errors
+    /// If the file cannot be read or holds no valid zones.
     pub fn load(file: &Path) -> Result<Option<Vec<Zone>>, ZonesRefused> {
         let failed = |reason: String| ZonesRefused::Store { file: file.to_owned(), reason };
         let text = match std::fs::read_to_string(file) {
@@ -83,12 +87,12 @@ impl ZoneKeeper {
         Ok(Some(zones))
     }
 
-    /// Where those in use come from.
+    /// Where the zones in use come from.
     pub fn origin(&self) -> ZoneOrigin {
         self.state().origin
     }
 
-    /// Takes over the zones of a configuration that was read again; those that were drawn stay in use.
+    /// Takes over the zones of a reloaded configuration. Drawn zones stay in use.
     pub fn reconfigure(&self, zones: Vec<Zone>) {
         let mut state = self.state();
         state.configured.clone_from(&zones);
@@ -97,7 +101,10 @@ impl ZoneKeeper {
         }
     }
 
-    /// Uses other zones from the next frame on, and keeps them if there is a place to.
+    /// Uses other zones from the next frame on and saves them if storage is configured.
+    ///
+    /// # Errors
+    /// If they are not valid or cannot be saved.
     pub fn replace(&self, zones: Vec<Zone>) -> Result<(), ZonesRefused> {
         check_zones(&zones)?;
         let mut state = self.state();
@@ -115,7 +122,10 @@ impl ZoneKeeper {
         Ok(())
     }
 
-    /// Goes back to the configuration's zones and forgets what was kept.
+    /// Returns to the configuration's zones and deletes the saved ones.
+    ///
+    /// # Errors
+    /// If the file cannot be removed.
     pub fn forget(&self) -> Result<(), ZonesRefused> {
         let mut state = self.state();
         if let Some(file) = &self.file {
@@ -135,7 +145,8 @@ impl ZoneKeeper {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// At once for whoever asks, with the next frame for the tracks; where none comes any more, nobody is in a zone either.
+    /// Readers see the new zones at once, tracks with the next frame. Without further frames nobody is in a zone
+    /// anyway.
     fn go_on_with(&self, zones: Vec<Zone>) {
         self.hub.use_zones(zones.clone());
         self.control.tell(Command::UseZones(zones));

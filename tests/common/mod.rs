@@ -1,5 +1,5 @@
-//! What several test files need: reference data, recordings made on the spot, the real binary.
-// Each test file uses a part of it.
+//! Helpers shared by several test files: reference data, generated recordings, the real binary.
+// Each test file uses only a part of it.
 #![allow(dead_code)]
 
 #[path = "../reference/mod.rs"]
@@ -13,10 +13,10 @@ use std::time::{Duration, Instant};
 use doorcam_core::optics::{FloorPoint, Transfer};
 use doorcam_source::recording::{Layout, Manifest};
 
-#[allow(unused_imports, reason = "each test program uses a part")]
+#[allow(unused_imports, reason = "each test program uses only a part")]
 pub use self::reference::{data, published_doorway};
 
-/// A manifest of patch images of the published doorway, 10 frames a second, with two frames of the empty room.
+/// A manifest of patch images of the published doorway, 10 frames per second, with two frames of the empty room.
 pub fn manifest() -> Manifest {
     Manifest {
         fps: 10.0,
@@ -32,10 +32,10 @@ pub fn manifest() -> Manifest {
     }
 }
 
-/// A small JPEG, all of one grey.
+/// A small JPEG of uniform grey.
 pub const JPEG: &[u8] = include_bytes!("../../crates/doorcam-source/src/testdata/grey16.jpg");
 
-/// A recording of `frames` equal JPEG pairs.
+/// A recording of `frames` identical JPEG pairs.
 pub fn grey_recording(manifest: &Manifest, frames: usize) -> tempfile::TempDir {
     let dir = tempfile::tempdir().expect("temporary directory");
     manifest.write(dir.path()).expect("manifest");
@@ -48,10 +48,10 @@ pub fn grey_recording(manifest: &Manifest, frames: usize) -> tempfile::TempDir {
     dir
 }
 
-/// A camera's recording of a floor of one grey; beside the patches, its left end has another grey in each frame.
+/// A camera recording of a uniformly grey floor. Outside the patches, its left edge has a different grey in each frame.
 pub fn camera_recording(frames: u8) -> tempfile::TempDir {
     let corners = [[-0.4, 0.0], [0.4, 0.0], [-0.4, -0.4], [0.4, -0.4]];
-    // 400 pixels a metre, from straight above.
+    // 400 pixels per metre, seen from straight above.
     let see = |[x, y]: [f64; 2]| [320.0 + 400.0 * x, 40.0 - 400.0 * y];
     let manifest = Manifest {
         layout: Layout::Camera,
@@ -71,24 +71,24 @@ pub fn camera_recording(frames: u8) -> tempfile::TempDir {
     dir
 }
 
-/// The program, with its arguments; the tokens of whoever runs the tests are not its own.
+/// The program with its arguments. Tokens in the environment of the test run are removed.
 pub fn doorcam<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_doorcam"));
     command.args(arguments).stdin(Stdio::null()).env_remove("DOORCAM_TOKEN").env_remove("DOORCAM_READ_TOKEN");
     command
 }
 
-/// Runs the program to its end.
+/// Runs the program until it exits.
 pub fn run<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Output {
     doorcam(arguments).output().expect("the program starts")
 }
 
-/// What a program said on stderr.
+/// What a program wrote to stderr.
 pub fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).expect("UTF-8")
 }
 
-/// A running `doorcam serve`; it is ended with the test.
+/// A running `doorcam serve`; it is killed when dropped.
 pub struct Daemon {
     child: Child,
     /// `http://ADDRESS:PORT`
@@ -97,14 +97,14 @@ pub struct Daemon {
 }
 
 impl Daemon {
-    /// Starts it on a free port and waits until it says where.
+    /// Starts it on a free port and waits until it logs its address.
     pub fn start(source: &str, more: &[&str]) -> Self {
         let mut command = doorcam(&["serve", "--source", source, "--listen", "127.0.0.1:0"]);
         command.args(more);
         Self::spawn(command)
     }
 
-    /// Starts a command that becomes a `doorcam serve` and waits until it says where it listens.
+    /// Runs a command that becomes a `doorcam serve` and waits until it logs its address.
     pub fn spawn(mut command: Command) -> Self {
         let mut child = command.stderr(Stdio::piped()).spawn().expect("the program starts");
         let mut stderr = BufReader::new(child.stderr.take().expect("piped"));
@@ -112,14 +112,14 @@ impl Daemon {
         while !said.contains("the page is at http") {
             let mut line = String::new();
             if stderr.read_line(&mut line).expect("readable") == 0 {
-                panic!("doorcam ended before it listened: {said}");
+                panic!("doorcam exited before it listened: {said}");
             }
             said.push_str(&line);
         }
         let url = said.split_whitespace().find(|word| word.starts_with("http")).expect("an address").to_owned();
         let log = Arc::new(Mutex::new(said));
         let more = Arc::clone(&log);
-        // Somebody must go on reading, or the program would block on a full pipe.
+        // Keep reading, or the program would block on a full pipe.
         std::thread::spawn(move || {
             for line in stderr.lines().map_while(Result::ok) {
                 more.lock().expect("unpoisoned").push_str(&format!("{line}\n"));
@@ -128,23 +128,23 @@ impl Daemon {
         Self { child, url, log }
     }
 
-    /// The process.
+    /// The process id.
     pub fn id(&self) -> u32 {
         self.child.id()
     }
 
-    /// Sends it a signal, by its name without SIG.
+    /// Sends a signal, given by its name without SIG.
     pub fn signal(&self, name: &str) {
         let id = self.child.id().to_string();
         assert!(Command::new("kill").args([&format!("-{name}"), &id]).status().expect("kill").success());
     }
 
-    /// What it has said on stderr so far.
+    /// What it has written to stderr so far.
     pub fn log(&self) -> String {
         self.log.lock().expect("unpoisoned").clone()
     }
 
-    /// Waits until the log says something: it comes through a pipe, after the answer that it tells of.
+    /// Waits until the log contains a text. The log comes through a pipe and may arrive after the answer it belongs to.
     pub fn wait_for_log(&self, said: &str) {
         let deadline = Instant::now() + Duration::from_secs(60);
         while !self.log().contains(said) {
@@ -166,7 +166,7 @@ impl Daemon {
         (response.status().as_u16(), body)
     }
 
-    /// Status code and JSON of the answer to a request with a JSON body; null where the answer has none.
+    /// Status code and JSON of the answer to a request with a JSON body; null if the answer has none.
     pub fn send(&self, method: &str, path: &str, body: &serde_json::Value) -> (u16, serde_json::Value) {
         let agent: ureq::Agent = ureq::Agent::config_builder()
             .http_status_as_error(false)
@@ -201,9 +201,9 @@ impl Daemon {
         serde_json::from_slice(&body).expect("JSON")
     }
 
-    /// Asks for the status until it is as wanted.
+    /// Polls the status until it is as wanted.
     pub fn wait_for(&self, what: &str, wanted: impl Fn(&serde_json::Value) -> bool) -> serde_json::Value {
-        // For what hangs, not for what is slow: a machine with much else to do renders a few frames a second.
+        // Catches hangs, not slowness: a busy machine renders only a few frames per second.
         let deadline = Instant::now() + Duration::from_secs(180);
         loop {
             let status = self.json("/api/v1/status");
@@ -215,8 +215,8 @@ impl Daemon {
         }
     }
 
-    /// Asks for the newest update until one is as wanted. What an update says is of one moment; status and update, asked for
-    /// one after the other, are not.
+    /// Polls the newest update until one is as wanted. Everything in one update is of the same moment, unlike a status
+    /// and an update requested one after the other.
     pub fn wait_for_update(&self, what: &str, wanted: impl Fn(&serde_json::Value) -> bool) -> serde_json::Value {
         let deadline = Instant::now() + Duration::from_secs(180);
         loop {
@@ -238,7 +238,7 @@ impl Daemon {
         tungstenite::client(format!("ws://{address}/api/v1/live"), stream).expect("upgrades").0
     }
 
-    /// Asks it to end, as a service manager does; returns how long that took and its exit status.
+    /// Sends SIGTERM, as a service manager does. Returns how long it took to exit and its exit status.
     pub fn terminate(&mut self) -> (Duration, Option<i32>) {
         let start = Instant::now();
         self.signal("TERM");
@@ -249,7 +249,7 @@ impl Daemon {
 
 impl Drop for Daemon {
     fn drop(&mut self) {
-        // It may have ended already.
+        // It may have exited already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

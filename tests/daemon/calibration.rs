@@ -172,5 +172,5 @@ fn a_broken_calibration_file_is_named() {
     let output = common::run(&arguments);
     assert_eq!(output.status.code(), Some(1));
     let said = common::stderr(&output);
-    assert!(said.contains("calibration.json: is no calibration: ") && said.lines().count() == 1, "{said}");
+    assert!(said.contains("calibration.json: is not a calibration: ") && said.lines().count() == 1, "{said}");
 }

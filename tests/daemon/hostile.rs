@@ -11,8 +11,8 @@ use crate::common::{Daemon, grey_recording, manifest};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// Number of damaged versions made for each kind of file, and of damaged requests sent to a server. `scripts/test full` makes
-/// and sends ten times as many.
+/// Number of damaged versions made for each kind of file, and of damaged requests sent to a server. `scripts/test full`
+/// makes and sends ten times as many.
 const DAMAGED: u64 = 1_200;
 const REQUESTS: u64 = 2_000;
 

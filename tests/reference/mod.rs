@@ -1,5 +1,5 @@
-//! The reference data of the doorway camera, for tests of every crate: where they are, and their file formats.
-// Each test program uses a part of it.
+//! The reference data of the doorway camera, for tests of every crate: their location and file formats.
+// Each test program uses only a part of it.
 #![allow(dead_code)]
 
 use std::io::Read;
@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 
 use doorcam_core::geometry::Doorway;
 
-/// A path below the reference data, or none, saying so, if this machine does not have it.
+/// A path below the reference data. Prints a note and returns `None` if this machine does not have it.
 pub fn data(path: &str) -> Option<PathBuf> {
     let root = std::env::var_os("DOORCAM_DATA").map(PathBuf::from).unwrap_or_else(|| {
-        // Beside the repository, whichever of its crates asks.
+        // Beside the repository, whichever of its crates runs the test.
         let top = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().find(|d| d.join("Cargo.lock").exists());
         top.unwrap_or(Path::new(".")).join("../shared/data")
     });
@@ -22,7 +22,7 @@ pub fn data(path: &str) -> Option<PathBuf> {
     None
 }
 
-/// A two-dimensional array of a NPY file (version 1, little-endian f64), as (rows, columns, values in row-major order).
+/// A two-dimensional array of an NPY file (version 1, little-endian f64), as (rows, columns, row-major values).
 pub fn npy(path: &Path) -> (usize, usize, Vec<f64>) {
     let bytes = std::fs::read(path).expect("readable NPY file");
     let header_len = u16::from_le_bytes([bytes[8], bytes[9]]) as usize;
@@ -52,7 +52,7 @@ pub fn npz_f32(path: &Path, name: &str) -> (Vec<usize>, Vec<f32>) {
     let bytes = std::fs::read(path).expect("readable NPZ file");
     let u16_at = |at: usize| usize::from(u16::from_le_bytes([bytes[at], bytes[at + 1]]));
     let u32_at = |at: usize| u16_at(at) | u16_at(at + 2) << 16;
-    // The end record tells where the central directory is, and that where each file is.
+    // The end record locates the central directory, which locates each file.
     let end = (0..bytes.len() - 21).rev().find(|&k| bytes[k..].starts_with(b"PK\x05\x06")).expect("a ZIP archive");
     let mut entry = u32_at(end + 16);
     for _ in 0..u16_at(end + 10) {

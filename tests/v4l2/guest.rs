@@ -1,4 +1,4 @@
-//! What the scenarios need: the machine's cameras, and a daemon that watches one.
+//! Helpers for the scenarios: the machine's cameras, and a daemon that watches one of them.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
@@ -10,23 +10,23 @@ use serde_json::{Value, json};
 
 use crate::common::Daemon;
 
-/// Whether this runs in the virtual machine; its program says so.
+/// Whether this runs in the virtual machine, which sets the variable.
 pub fn inside() -> bool {
     std::env::var("V4L2_VM").is_ok_and(|value| value == "1")
 }
 
-/// Skips a scenario elsewhere, where it would need this machine's cameras.
+/// Skips a scenario outside the virtual machine, where it would use the host's cameras.
 macro_rules! only_inside {
     () => {
         if !crate::guest::inside() {
-            eprintln!("SKIPPED: a scenario for the virtual machine");
+            eprintln!("SKIPPED: this scenario only runs in the virtual machine");
             return;
         }
     };
 }
 pub(crate) use only_inside;
 
-/// A directory of its own for what doorcam keeps, and in it a configuration with these lines below `[camera]`, quick automatics
+/// A temporary storage directory with a configuration in it: the given lines below `[camera]`, a short settling time
 /// and a coarse map.
 pub fn configured(camera: &str) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
@@ -38,7 +38,7 @@ pub fn configured(camera: &str) -> (tempfile::TempDir, PathBuf) {
     (dir, file)
 }
 
-/// The calibration of a camera that looks down on a doorway, whatever it really sees.
+/// A calibration as of a camera that looks down on a doorway, whatever it really sees.
 pub fn calibration(size: [usize; 2]) -> Value {
     let [w, h] = size.map(|n| n as f64);
     let point = |u: f64, v: f64, x: f64, y: f64| json!({"pixel": [u * w, v * h], "floor_m": [x, y]});
@@ -53,24 +53,24 @@ pub fn calibration(size: [usize; 2]) -> Value {
     json!({"size": size, "doorway": doorway, "floor_points": points})
 }
 
-/// A small picture at a rate that an emulated processor can follow.
+/// A small image at a rate that an emulated processor can keep up with.
 pub const SMALL: &str = "size = [320, 180]\nfps = 10";
 
-/// A daemon that watches a camera, and what it is doing.
+/// A daemon that watches a camera.
 pub struct Watching {
     pub daemon: Daemon,
     _kept: tempfile::TempDir,
 }
 
 impl Watching {
-    /// Does not wait for frames.
+    /// Starts it without waiting for frames.
     pub fn start(source: &str, camera: &str) -> Self {
         let (kept, config) = configured(camera);
         let daemon = Daemon::start(source, &["--config", config.to_str().unwrap()]);
         Self { daemon, _kept: kept }
     }
 
-    /// Waits for frames.
+    /// Starts it and waits for frames.
     pub fn streaming(source: &str, camera: &str) -> Self {
         let watching = Self::start(source, camera);
         watching.daemon.wait_for("frames", |s| s["source"]["state"] == "streaming" && s["frames"]["captured"] != 0);
@@ -85,14 +85,14 @@ impl Watching {
         self.status()["frames"][what].as_u64().unwrap()
     }
 
-    /// Waits for a state of the source and returns how long that took, and the status.
+    /// Waits for a state of the source. Returns how long that took and the status.
     pub fn until(&self, state: &str) -> (f64, Value) {
         let start = Instant::now();
         let status = self.daemon.wait_for(state, |s| s["source"]["state"] == state);
         (start.elapsed().as_secs_f64(), status)
     }
 
-    /// Waits for frames after now and returns how long that took.
+    /// Waits for new frames and returns how long that took.
     pub fn until_frames(&self) -> f64 {
         let (start, before) = (Instant::now(), self.count("captured"));
         self.daemon.wait_for("more frames", |s| {
@@ -101,7 +101,7 @@ impl Watching {
         start.elapsed().as_secs_f64()
     }
 
-    /// Resident memory, in kB, and open descriptors.
+    /// Resident memory in kB, and the number of open descriptors.
     pub fn resources(&self) -> [u64; 2] {
         let process = format!("/proc/{}", self.daemon.id());
         let status = fs::read_to_string(format!("{process}/status")).unwrap();
@@ -117,7 +117,7 @@ pub fn vivid_is(plugged: bool) {
     fs::write(format!("/sys/bus/platform/drivers/vivid/{action}"), "vivid.0").unwrap();
 }
 
-/// Buttons and values that make vivid fail, by their identifiers (drivers/media/test-drivers/vivid/vivid-ctrls.c).
+/// Control ids that make vivid fail (drivers/media/test-drivers/vivid/vivid-ctrls.c).
 pub mod inject {
     pub const DROPPED_PERCENT: u32 = 0x00f0_f040;
     pub const DISCONNECT: u32 = 0x00f0_f041;
@@ -150,7 +150,7 @@ impl Webcam {
         Self::run(std::env::var("UVC_SIM").expect("UVC_SIM names the simulated webcam").as_ref())
     }
 
-    /// The same webcam, with one size only.
+    /// The same webcam with a single size.
     pub fn plug_in_with_size(size: [u32; 2]) -> Self {
         let original = fs::read_to_string(std::env::var("UVC_SIM").unwrap()).unwrap();
         let sizes = "SIZES = [(640, 480), (320, 240)]";
@@ -180,12 +180,12 @@ impl Webcam {
         assert!(killed.unwrap().success());
     }
 
-    /// Stops the frames, or lets them come again.
+    /// Stops the frames or resumes them.
     pub fn stall_or_go_on(&self) {
         self.signal("USR1");
     }
 
-    /// The next JPEG is cut short.
+    /// Truncates the next JPEG.
     pub fn cut_a_frame(&self) {
         self.signal("USR2");
     }
@@ -193,7 +193,7 @@ impl Webcam {
     pub fn unplug(mut self) {
         self.signal("TERM");
         self.child.wait().unwrap();
-        // The kernel takes its time.
+        // The kernel removes the node with a delay.
         let deadline = Instant::now() + Duration::from_secs(10);
         while Path::new("/sys/class/video4linux").join(self.node.trim_start_matches("/dev/")).exists() {
             assert!(Instant::now() < deadline, "{} is still there", self.node);
@@ -209,34 +209,34 @@ impl Drop for Webcam {
     }
 }
 
-/// Keeps a node's number taken: what comes back gets another one.
+/// Keeps a node open so that a camera that comes back gets another number.
 pub fn hold(node: &str) -> File {
     File::open(node).unwrap()
 }
 
-/// Says what was measured, for whoever reads the output.
+/// Prints a measurement.
 pub fn measured(what: &str) {
     println!("measured: {what}");
 }
 
-/// Tries again what failed, twice: other work of the machine outside can freeze this one for longer than a frame takes, and then
-/// it is the driver that leaves frames out.
+/// Retries a failed check twice. A busy host can freeze the virtual machine for longer than a frame takes, and then the
+/// driver itself drops frames.
 pub fn unless_frozen(mut attempt: impl FnMut() -> Result<(), String>) {
     let mut failures = Vec::new();
     while failures.len() < 3 {
         match attempt() {
             Ok(()) => return,
             Err(failure) => {
-                measured(&format!("once more, as frames were lost: {failure}"));
+                measured(&format!("retrying because frames were lost: {failure}"));
                 failures.push(failure);
             }
         }
     }
-    panic!("three times: {failures:?}");
+    panic!("failed three times: {failures:?}");
 }
 
-/// Hands a recording over to the machine outside, which is much faster.
+/// Copies a recording to the host, which is much faster.
 pub fn hand_out(recording: &Path) {
-    let out = std::env::var_os("V4L2_VM_OUT").expect("V4L2_VM_OUT is where results go");
+    let out = std::env::var_os("V4L2_VM_OUT").expect("V4L2_VM_OUT names the directory for results");
     assert!(Command::new("cp").arg("-R").arg(recording).arg(out).status().unwrap().success());
 }

@@ -1,4 +1,4 @@
-//! From frames to a map, and across a restart.
+//! From a camera's frames to a map, and across a restart.
 
 use std::time::Instant;
 
@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::common::Daemon;
 use crate::guest::{SMALL, calibration, configured, measured, only_inside, set_control};
 
-/// What vivid writes into its picture (drivers/media/test-drivers/vivid/vivid-ctrls.c): 2 is nothing, so that it keeps still.
+/// Text that vivid draws into its image (drivers/media/test-drivers/vivid/vivid-ctrls.c). 2 is none: a static image.
 const OSD_TEXT_MODE: u32 = 0x00f0_f001;
 
 #[test]
@@ -31,9 +31,9 @@ fn guest_a_calibrated_camera_makes_a_map_and_goes_on_after_a_restart() {
     let update = daemon.json("/api/v1/reconstruction");
     assert!(update["facets"].as_array().unwrap().is_empty(), "nothing moves: {update}");
 
-    // Asked to, it learns anew.
+    // It learns again on request.
     assert_eq!(daemon.send("POST", "/api/v1/background/reset", &Value::Null).0, 202);
-    daemon.wait_for("learning anew", |s| s["state"] == "relearning");
+    daemon.wait_for("relearning", |s| s["state"] == "relearning");
     daemon.wait_for("a map again", watching);
     daemon.terminate();
 

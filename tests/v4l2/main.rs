@@ -1,8 +1,8 @@
-//! Real V4L2 drivers in a virtual machine: what a camera can do to doorcam, from unplugging to a full disk.
+//! Real V4L2 drivers in a virtual machine: camera failures from unplugging to a full disk.
 //!
-//! V4L2_VM names a program that runs another one in a virtual machine with the kernel's test driver vivid at /dev/video0 and
-//! /dev/video1; beside it is uvc-sim, which plugs a simulated USB webcam in. This file's tests start themselves there: each
-//! `guest_` test is one scenario, and times are the guest's.
+//! V4L2_VM names a program that runs another one in a virtual machine with the kernel's test driver vivid at
+//! /dev/video0 and /dev/video1; beside it is uvc-sim, which plugs in a simulated USB webcam. This test program runs
+//! itself there. Each `guest_` test is one scenario, and times are the guest's.
 #![cfg(feature = "v4l2")]
 
 #[path = "../common/mod.rs"]
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-/// Runs every `guest_` test in one virtual machine: to boot it takes longer than most of them.
+/// Runs all `guest_` tests in one virtual machine, because booting takes longer than most of them.
 #[test]
 fn cameras_in_a_virtual_machine() {
     if guest::inside() {
@@ -29,7 +29,7 @@ fn cameras_in_a_virtual_machine() {
         return;
     };
     let webcam = tool.parent().unwrap_or(Path::new(".")).join("uvc-sim");
-    // One scenario alone, by its name.
+    // V4L2_TEST selects a single scenario by name.
     let only = std::env::var("V4L2_TEST").unwrap_or_else(|_| "guest_".into());
     let handed_out = tempfile::tempdir().unwrap();
     let start = Instant::now();
@@ -44,7 +44,7 @@ fn cameras_in_a_virtual_machine() {
         .stdout(Stdio::piped())
         .spawn()
         .unwrap_or_else(|e| panic!("{}: {e}", tool.display()));
-    // As it comes: who waits wants to see what for.
+    // Print the output as it arrives, so that a long run shows its progress.
     for line in BufReader::new(child.stdout.take().unwrap()).lines() {
         println!("{:6.1} {}", seconds(), line.unwrap());
     }

@@ -18,7 +18,7 @@ fn recorder(source: &str, camera: &str, size: [usize; 2], out: &Path, more: &[&s
     (command, kept)
 }
 
-/// Reconstructs what the scenarios hand out, outside of the virtual machine.
+/// Reconstructs on the host what the scenarios copied out of the virtual machine.
 pub fn reconstruct_what_was_recorded(recordings: &Path) {
     for (name, broken) in [("vivid", 0), ("webcam", 1)] {
         let path = recordings.join(name);
@@ -41,7 +41,7 @@ fn wait_for_file(file: &Path) {
     }
 }
 
-/// What has to be said of a recording that lacks nothing.
+/// Checks the summary of a recording with no missing frames.
 fn lossless(output: &Output) -> Result<(), String> {
     let summary = last_line(output);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
@@ -101,7 +101,7 @@ fn guest_record_until_the_disk_is_full() {
     let there: Vec<_> = recording.frames.iter().filter(|e| !matches!(e.files, Files::Missing(_))).collect();
     assert!(said.contains(&format!("the {} frames", there.len())), "{said}");
     let files = std::fs::read_dir(out.join("frames")).unwrap().count();
-    assert_eq!(files, there.len(), "nothing half written is left");
+    assert_eq!(files, there.len(), "no partly written file is left");
     for entry in there {
         let frame = doorcam_source::load(&recording, entry).unwrap();
         let doorcam_source::RawImages::Camera(bytes) = frame.images else { panic!() };
@@ -122,7 +122,7 @@ fn guest_record_a_webcam_with_a_frame_cut_short() {
         let out = dir.path().join("webcam");
         let (mut command, _kept) = recorder(&source, camera, [320, 240], &out, &["--seconds", "6"]);
         let child = command.stderr(Stdio::piped()).spawn().unwrap();
-        // Behind the empty room.
+        // After the frames of the empty room.
         wait_for_file(&out.join("frames/00000030.jpg"));
         webcam.cut_a_frame();
         lossless(&child.wait_with_output().unwrap())?;

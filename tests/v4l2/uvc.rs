@@ -8,7 +8,7 @@ use crate::common::run;
 use crate::guest::{Watching, Webcam, calibration, control, hold, measured, only_inside};
 
 const SMALL: &str = "size = [320, 240]\nfps = 10\nformats = [\"MJPG\"]";
-/// Mode (1 is manual) and time of the exposure (linux/v4l2-controls.h).
+/// Exposure mode (1 is manual) and exposure time (linux/v4l2-controls.h).
 const EXPOSURE_AUTO: u32 = 0x009a_0901;
 const EXPOSURE: u32 = 0x009a_0902;
 
@@ -24,7 +24,7 @@ fn guest_webcam_formats_are_granted_as_configured() {
     let output = run(&["devices", "--json"]);
     let cameras: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let listed: Vec<_> = cameras.as_array().unwrap().iter().filter(|c| c["driver"] == "uvcvideo").collect();
-    assert_eq!(listed.len(), 1, "the node for metadata is no camera: {cameras}");
+    assert_eq!(listed.len(), 1, "the metadata node is not a camera: {cameras}");
     assert_eq!(
         (&listed[0]["node"], &listed[0]["card"]),
         (&webcam.node.as_str().into(), &"Simulated UVC camera: Simulated".into())
@@ -46,11 +46,11 @@ fn guest_webcam_formats_are_granted_as_configured() {
 fn guest_webcam_exposure_is_locked_or_set() {
     only_inside!();
     let webcam = Webcam::plug_in();
-    assert_ne!(control(&webcam.node, EXPOSURE_AUTO), 1, "it begins with automatic exposure");
+    assert_ne!(control(&webcam.node, EXPOSURE_AUTO), 1, "it starts with automatic exposure");
     let watching = Watching::streaming(&source(&webcam), SMALL);
     let mut left = 100;
     while control(&webcam.node, EXPOSURE_AUTO) != 1 {
-        assert!(left > 0, "the automatic is not switched off: {}", watching.status());
+        assert!(left > 0, "automatic exposure is not switched off: {}", watching.status());
         left -= 1;
         std::thread::sleep(Duration::from_millis(100));
     }
@@ -62,7 +62,7 @@ fn guest_webcam_exposure_is_locked_or_set() {
     assert_eq!((control(&webcam.node, EXPOSURE_AUTO), control(&webcam.node, EXPOSURE)), (1, 321));
     let granted = watching.status()["source"]["granted"].clone();
     assert_eq!(granted["controls"]["exposure"], 321);
-    // The camera's gain ends at 100.
+    // The camera's maximum gain is 100.
     let mismatches = granted["mismatches"].as_array().unwrap();
     assert!(mismatches.len() == 1 && mismatches[0].as_str().unwrap().starts_with("gain: asked for 5000"), "{granted}");
     drop(watching);
@@ -79,12 +79,12 @@ fn guest_webcam_that_stalls_is_told_and_resumed() {
         webcam.stall_or_go_on();
         let (told, status) = watching.until("stalled");
         assert!(status["source"]["error"].as_str().unwrap().contains("no frame for"), "{status}");
-        // Long enough to be closed and opened again, which does not help.
+        // Long enough for doorcam to close and reopen the camera, which does not help.
         std::thread::sleep(Duration::from_secs(pause));
         assert_eq!(watching.status()["source"]["state"], "stalled");
         webcam.stall_or_go_on();
         let resumed = watching.until_frames();
-        measured(&format!("stalled: told after {told:.2} s, frames {resumed:.2} s after its end"));
+        measured(&format!("stalled: reported after {told:.2} s, frames {resumed:.2} s after the stall"));
         assert!(told < 2.0 && resumed < 3.0);
     }
     drop(watching);
@@ -105,7 +105,7 @@ fn guest_webcam_is_found_again_under_another_number() {
     let webcam = Webcam::plug_in();
     let resumed = watching.until_frames();
     measured(&format!(
-        "{node} unplugged: told after {told:.2} s; back as {}: frames after {resumed:.2} s",
+        "{node} unplugged: reported after {told:.2} s; back as {}: frames after {resumed:.2} s",
         webcam.node
     ));
     assert!(told < 2.0 && resumed < 3.0);
@@ -118,7 +118,7 @@ fn guest_webcam_is_found_again_under_another_number() {
     );
     webcam.unplug();
     watching.until("lost");
-    // It comes back and can do less: what it grants now is what is told.
+    // It comes back with fewer capabilities, and the status shows what it grants now.
     let webcam = Webcam::plug_in_with_size([160, 120]);
     watching.until_frames();
     assert_eq!(watching.status()["source"]["granted"]["size"], json!([160, 120]));
@@ -145,7 +145,7 @@ fn guest_webcam_frame_cut_short_is_one_skipped_frame() {
     let status = watching.status();
     assert_eq!((&status["frames"]["skipped"], &status["frames"]["lost"]), (&1.into(), &0.into()), "{status}");
     assert_eq!(status["source"]["state"], "streaming");
-    measured(&format!("a JPEG cut short: {why}; {} frames a second solved", status["rate_hz"]["solved"]));
+    measured(&format!("truncated JPEG: {why}; {} frames per second solved", status["rate_hz"]["solved"]));
     drop(watching);
     webcam.unplug();
 }

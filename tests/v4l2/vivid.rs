@@ -44,10 +44,10 @@ fn guest_every_frame_of_a_minute_is_captured() {
         let granted = at(&after, "/source/granted/fps");
         assert_eq!((granted, grew("/frames/skipped")), (10.0, 0.0), "{after}");
         let (lost, dropped) = (grew("/frames/lost"), grew("/frames/dropped"));
-        // What was not the newest any more when it was looked at has been captured all the same.
+        // Superseded frames were captured too.
         let rate = (grew("/frames/captured") + dropped) / grew("/uptime_s");
         let found =
-            format!("{rate:.3} of {granted} frames a second over a minute, {lost} lost, {dropped} not the newest");
+            format!("{rate:.3} of {granted} frames per second over a minute, {lost} lost, {dropped} superseded");
         if lost > 0.0 {
             return Err(found);
         }
@@ -72,7 +72,7 @@ fn guest_the_format_is_what_the_driver_really_grants() {
         let picture = image::load_from_memory(&picture).unwrap();
         assert_eq!((code, picture.width(), picture.height()), (200, 320, 180), "{asked}");
     }
-    // Asked for MJPG alone, the driver would answer with YUYV.
+    // The driver answers a request for MJPG with YUYV.
     let watching = Watching::start(CAMERA, &format!("{SMALL}\nformats = [\"MJPG\"]"));
     let (_, status) = watching.until("backing-off");
     let error = status["source"]["error"].as_str().unwrap();
@@ -100,7 +100,7 @@ fn guest_lost_and_damaged_frames_are_counted() {
         (&1.into(), &"streaming".into()),
         "{status}"
     );
-    measured(&format!("{} frames lost of those that were dropped on purpose, 1 damaged", status["frames"]["lost"]));
+    measured(&format!("{} of the deliberately dropped frames counted as lost, 1 damaged", status["frames"]["lost"]));
 }
 
 #[test]
@@ -111,19 +111,19 @@ fn guest_a_camera_that_fails_is_opened_again() {
     set_control("/dev/video0", inject::FATAL_ERROR, 1);
     let (told, status) = watching.until("backing-off");
     let resumed = told + watching.until_frames();
-    measured(&format!("fatal error: told after {told:.2} s, frames after {resumed:.2} s"));
+    measured(&format!("fatal error: reported after {told:.2} s, frames after {resumed:.2} s"));
     assert!(told < 2.0 && resumed < 3.0, "{status}");
-    // And if it does not start at once.
+    // The same when the restart fails at first.
     set_control("/dev/video0", inject::STREAMON_ERROR, 1);
     set_control("/dev/video0", inject::FATAL_ERROR, 1);
     watching.until("backing-off");
     let resumed = watching.until_frames();
-    measured(&format!("fatal error and a failing start: frames after {resumed:.2} s"));
+    measured(&format!("fatal error and a failed restart: frames after {resumed:.2} s"));
     assert!(resumed < 3.0);
-    // Gone for the driver, although its node is still there.
+    // Disconnected for the driver, although its node still exists.
     set_control("/dev/video0", inject::DISCONNECT, 1);
     let (told, status) = watching.until("lost");
-    measured(&format!("disconnected: told after {told:.2} s"));
+    measured(&format!("disconnected: reported after {told:.2} s"));
     assert!(told < 2.0, "{status}");
     vivid_is(false);
     vivid_is(true);
@@ -150,8 +150,8 @@ fn guest_fifty_times_unplugged_and_plugged_in() {
     let mean = |times: &[f64]| times.iter().sum::<f64>() / times.len() as f64;
     let ([rss, files], [rss_end, files_end]) = (flat[9], flat[49]);
     measured(&format!(
-        "50 times unplugged: told after {:.2} s (at most {:.2}), frames {:.2} s after the return (at most {:.2}); memory {rss} \
-         kB after 10 and {rss_end} kB after 50, descriptors {files} and {files_end}",
+        "50 times unplugged: reported after {:.2} s (at most {:.2}), frames {:.2} s after the return (at most {:.2}); \
+        memory {rss} kB after 10 and {rss_end} kB after 50, descriptors {files} and {files_end}",
         mean(&told),
         most(&told),
         mean(&resumed),
@@ -170,11 +170,11 @@ fn guest_a_camera_in_use_is_waited_for() {
     let (told, status) = second.until("backing-off");
     let error = status["source"]["error"].as_str().unwrap();
     assert!(error.starts_with("/dev/video0: in use by another program"), "{error}");
-    // Long enough for the attempts to become rare.
+    // Long enough for the retry interval to grow.
     std::thread::sleep(Duration::from_secs(5));
     first.daemon.terminate();
     let resumed = second.until_frames();
-    measured(&format!("in use: told after {told:.2} s, frames {resumed:.2} s after it was free"));
+    measured(&format!("in use: reported after {told:.2} s, frames {resumed:.2} s after it was released"));
     assert!(told < 2.0 && resumed < 3.0);
 }
 

@@ -1,4 +1,4 @@
-//! How an engine is put together: one place, whoever needs one.
+//! Assembly of engines from settings and a doorway.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -11,10 +11,10 @@ use doorcam_source::recording::Manifest;
 use crate::background::BackgroundStore;
 use crate::{Engine, FrameReader, Model, People, Reconstructor, Settings, SetupError, Work};
 
-/// A plan of an engine: say what it should do, in any order, then for which doorway. One plan makes any number of engines.
+/// A builder of engines: set options in any order, then give the doorway. It can build any number of engines.
 ///
-/// Without further words an engine follows people, starts each solution from the one before, and takes the mean of the frames
-/// of the empty room that a recording names for the background, from the first map on for ever.
+/// By default an engine tracks people, starts each solution from the previous one, and uses the mean of a recording's
+/// frames of the empty room as a fixed background.
 #[derive(Clone)]
 pub struct Assembly {
     settings: Arc<Settings>,
@@ -22,21 +22,21 @@ pub struct Assembly {
     following: bool,
     background: BackgroundPlan,
     kept: Option<KeptBackground>,
-    /// The first numbers of tracks and events.
+    /// The first track id and event number.
     first: [u64; 2],
     calibration: u32,
     fault: Option<Fault>,
 }
 
-/// Told of each frame before it is worked on; it may panic.
+/// Called with each frame before the engine works on it; it may panic.
 type Fault = Arc<dyn Fn(&RawFrame) + Send + Sync>;
 
-/// What becomes of the background.
+/// How the background is obtained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum BackgroundPlan {
-    /// The recording's frames of the empty room, for ever.
+    /// Fixed: the mean of the recording's frames of the empty room.
     Given,
-    /// Learned and followed; long work is done there.
+    /// Learned and then updated. The value says where long work runs.
     Rolling(Work),
 }
 
@@ -46,16 +46,16 @@ struct KeptBackground {
     settings: Arc<dyn Fn() -> String + Send + Sync>,
 }
 
-/// What an engine's parts are made for: the doorway as one source shows it.
+/// The doorway as seen by one source.
 struct View {
     reader: FrameReader,
     doorway: Doorway,
-    /// In words, all of the camera that a saved background depends on.
+    /// The camera properties that a saved background depends on, as text.
     words: String,
 }
 
 impl Assembly {
-    /// A plan with these settings.
+    /// A builder with these settings and the defaults above.
     pub fn new(settings: Settings) -> Self {
         Self {
             settings: Arc::new(settings),
@@ -74,7 +74,7 @@ impl Assembly {
         &self.settings
     }
 
-    /// The same plan with other settings.
+    /// The same options with other settings.
     pub fn with(&self, settings: Settings) -> Self {
         Self { settings: Arc::new(settings), ..self.clone() }
     }
@@ -85,39 +85,41 @@ impl Assembly {
         self
     }
 
-    /// Makes maps only: nobody is looked for between the facets.
+    /// Makes maps only, without looking for people.
     pub fn without_people(mut self) -> Self {
         self.following = false;
         self
     }
 
-    /// Lets the background follow the room: it is learned from a live camera's first seconds (or a recording's frames of the
-    /// empty room), follows slow changes, and is learned anew when the light changes. `work` says where long work is done.
+    /// Uses a rolling background: it is learned from a live camera's first seconds (or a recording's frames of the
+    /// empty room), follows slow changes, and is learned again when the light changes. `work` says where long work
+    /// runs.
     pub fn rolling(mut self, work: Work) -> Self {
         self.background = BackgroundPlan::Rolling(work);
         self
     }
 
-    /// Keeps a rolling background in `file` from run to run, as long as what `settings` says of the camera (exposure, gain,
-    /// white balance) stays the same. It is asked each time, because some of it is found while frames come.
+    /// Keeps a rolling background in `file` between runs, as long as the text that `settings` returns (exposure, gain,
+    /// white balance) stays the same. It is called for each save and load, because some of these are only known once
+    /// frames arrive.
     pub fn keeping(mut self, file: impl Into<PathBuf>, settings: impl Fn() -> String + Send + Sync + 'static) -> Self {
         self.kept = Some(KeptBackground { file: file.into(), settings: Arc::new(settings) });
         self
     }
 
-    /// Gives no numbers of tracks and events below these.
+    /// Sets the first track id and event number.
     pub fn counting_from(mut self, track: u64, event: u64) -> Self {
         self.first = [track, event];
         self
     }
 
-    /// Gives updates the number of the calibration that they are of.
+    /// Sets the calibration's revision, which updates carry.
     pub fn of_calibration(mut self, revision: u32) -> Self {
         self.calibration = revision;
         self
     }
 
-    /// Tells `fault` of each frame before it is worked on. Tests make it panic, to see what becomes of the engine.
+    /// Calls `fault` with each frame before the engine works on it. Tests make it panic to see how the engine recovers.
     pub fn with_fault(mut self, fault: impl Fn(&RawFrame) + Send + Sync + 'static) -> Self {
         self.fault = Some(Arc::new(fault));
         self
@@ -129,12 +131,12 @@ impl Assembly {
         }
     }
 
-    /// What a calibration would be worth.
+    /// Checks a calibration without building an engine.
     pub fn check(&self, calibration: &Calibration) -> Check {
         self.complete(calibration).check(&Model::patch_grid(&self.settings, None))
     }
 
-    /// A calibration with the lens and the transfer function of the settings where it does not tell.
+    /// The calibration, with the settings' lens and transfer function where it has none of its own.
     pub fn complete(&self, calibration: &Calibration) -> Calibration {
         let mut complete = calibration.clone();
         complete.lens = complete.lens.or(self.settings.lens);
@@ -142,20 +144,21 @@ impl Assembly {
         complete
     }
 
-    /// An engine for the frames of a recording. Takes some tenths of a second.
+    /// Builds an engine for the frames of a recording. Takes a few tenths of a second.
     ///
     /// # Errors
-    /// If the room, the grid or the patches do not fit the recording's doorway, or its floor points fix no camera.
+    /// If the room, the grid or the patches do not fit the recording's doorway, or its floor points do not determine a
+    /// camera.
     pub fn for_recording(&self, manifest: &Manifest) -> Result<Engine, SetupError> {
         let reader = FrameReader::for_recording(&self.settings, manifest)?;
         let words = format!("{:?}", manifest.calibration());
         self.build(View { reader, doorway: manifest.doorway, words })
     }
 
-    /// An engine for a camera that is calibrated so. Takes some tenths of a second.
+    /// Builds an engine for a calibrated camera. Takes a few tenths of a second.
     ///
     /// # Errors
-    /// If the room, the grid or the patches do not fit the doorway, or the floor points fix no camera.
+    /// If the room, the grid or the patches do not fit the doorway, or the floor points do not determine a camera.
     pub fn for_camera(&self, calibration: &Calibration) -> Result<Engine, SetupError> {
         let calibration = self.complete(calibration);
         let reader = FrameReader::for_calibration(&self.settings, &calibration)?;
@@ -169,7 +172,7 @@ impl Assembly {
     }
 }
 
-/// What an engine is made of, and can be made of again.
+/// The parts that an engine is built from, and rebuilt from after a panic.
 #[derive(Clone)]
 pub(crate) struct Parts {
     pub(crate) plan: Assembly,
@@ -196,7 +199,8 @@ impl Parts {
         self.plan.calibration
     }
 
-    /// Where the background is kept, if anywhere. Frames averaged as `averaging` says have a noise of their own.
+    /// The store of the background, if it is kept. `averaging` is part of its key, because averaging changes the noise
+    /// of a frame.
     pub(crate) fn store(&self, averaging: &str) -> Option<BackgroundStore> {
         let KeptBackground { file, settings } = self.plan.kept.clone()?;
         let (words, averaging) = (self.words.clone(), averaging.to_owned());

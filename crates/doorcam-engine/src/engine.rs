@@ -14,27 +14,27 @@ use doorcam_core::solver::{Audit, ModelKind};
 use doorcam_core::tracking::{Detection, Zone};
 use doorcam_source::{Purpose, RawFrame, SkippedFrame};
 
-/// The whole way of a frame, from encoded images to an update: the same online and offline.
+/// Turns frames into updates, from encoded images to tracks. The same code runs online and offline.
 pub struct Engine {
-    /// What it was made of.
+    /// What it was built from, kept for [`Self::rebuild`].
     parts: Parts,
     reader: FrameReader,
     averager: Averager,
     reconstructor: Reconstructor,
-    /// None: nobody is followed.
+    /// `None` if people are not tracked.
     people: Option<People>,
-    /// None: the background is what a recording gives, and stays.
+    /// `None` if the background is fixed to a recording's frames of the empty room.
     keeper: Option<Keeper>,
     /// The recording's frames of the empty room.
     given: Spaced,
     pair: PatchPair,
     sequence: u64,
-    /// Once the first map was made, frames of the empty room are no longer learned from: a looped recording shows them
-    /// again, and they should then be seen to be empty.
+    /// Set by the first map. From then on frames of the empty room are reconstructed instead of learned from, so that a
+    /// looped recording shows them as empty.
     watching: bool,
 }
 
-/// Why a frame made no update.
+/// Why a frame yielded no update.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum StepError {
     /// This frame is unusable; the next one may be fine.
@@ -46,7 +46,7 @@ pub enum StepError {
 }
 
 impl Engine {
-    /// With nothing learned yet, but for a background that was kept.
+    /// Builds an engine that has learned nothing yet, except for a stored background.
     pub(crate) fn assemble(parts: Parts) -> Self {
         let settings = parts.plan.settings();
         let reader = parts.reader.clone();
@@ -57,8 +57,8 @@ impl Engine {
             BackgroundPlan::Given => None,
             BackgroundPlan::Rolling(work) => {
                 if work == Work::Aside && people.is_some() && parts.model.kind == ModelKind::Signed {
-                    // Finding people takes this, and there is time for it while the empty room is being learned. Whoever
-                    // wants it first waits.
+                    // Finding people needs this. Compute it while the empty room is being learned; an earlier user
+                    // waits for it.
                     let model = Arc::clone(&parts.model);
                     Job::start(work, "bodies", move || {
                         model.bodies();
@@ -82,18 +82,18 @@ impl Engine {
         }
     }
 
-    /// What its updates are of.
+    /// What its updates describe.
     pub fn watched(&self) -> Watched {
         Watched { model: Arc::clone(self.reconstructor.model()), calibration: self.parts.calibration() }
     }
 
-    /// Gives no numbers of tracks and events below these.
+    /// Sets the first track id and event number.
     pub fn count_from(&mut self, track: u64, event: u64) {
         self.parts.plan = self.parts.plan.clone().counting_from(track, event);
         self.people = self.people.take().map(|people| people.counting_from(track, event));
     }
 
-    /// Takes the place of another engine: goes on counting updates, tracks and events.
+    /// Replaces another engine and continues its numbering of updates, tracks and events.
     pub fn continue_from(&mut self, mut other: Self) {
         self.sequence = other.sequence;
         if let (Some(people), Some(others)) = (&mut self.people, other.people.take()) {
@@ -101,8 +101,8 @@ impl Engine {
         }
     }
 
-    /// Makes everything anew from what this engine was set up with, after a panic that may have left something half done. The
-    /// background and all numbers go on; nobody is followed from before to after.
+    /// Rebuilds everything from the engine's parts, after a panic that may have left it in a half-finished state. The
+    /// background and all numbering continue; people who were tracked start new tracks.
     pub fn rebuild(&mut self) {
         let mut broken = std::mem::replace(self, Self::assemble(self.parts.clone()));
         if let (Some(keeper), Some(before)) = (&mut self.keeper, broken.keeper.take()) {
@@ -122,7 +122,7 @@ impl Engine {
         }
     }
 
-    /// Learns the background anew from the next frames, with whatever is in the room then. A fixed one stays.
+    /// Learns the background again from the next frames, with whatever is in the room then. A fixed one stays.
     pub fn reset_background(&mut self) {
         if let Some(keeper) = &mut self.keeper {
             self.averager.restart();
@@ -131,20 +131,23 @@ impl Engine {
         }
     }
 
-    /// Saves the background if there is a place for it, and waits until that is done. It is also done when the engine is
-    /// dropped.
+    /// Saves the background if a file was given for it, and waits until it is saved. Dropping the engine does the same.
     pub fn save_background(&mut self) {
         if let Some(keeper) = &mut self.keeper {
             keeper.save(&self.reconstructor);
         }
     }
 
-    /// How good the last frame's solution is among those from `starts` random starts; none before the first one.
+    /// Compares the last frame's solution with those from `starts` random starts; `None` before the first solution.
     pub fn audit(&self, starts: usize) -> Option<Audit> {
         self.reconstructor.audit(starts)
     }
 
-    /// Until the first frame after the background: learns from what shows the empty room. From then on: reconstructs.
+    /// Processes one frame, captured at `time`. Learns from frames of the empty room until the first one after them,
+    /// and reconstructs from then on.
+    ///
+    /// # Errors
+    /// If the frame is unusable, or there is no background to compare it with.
     pub fn step(&mut self, frame: &RawFrame, time: Timestamp) -> Result<Published, StepError> {
         let start = Instant::now();
         self.parts.plan.meet(frame);
@@ -177,7 +180,7 @@ impl Engine {
             Some(mut map) => {
                 let timing = timing(read, Some(&map), start);
                 let update = Update::watching(&model, self.sequence, time, frame.index, &map, timing);
-                // The update has the refit's factors beside the light; figures show one of both.
+                // The update reports the refit's factors separately; the published scene has them multiplied in.
                 if model.brightness == Brightness::Measured {
                     map.scene.multiply(&map.refit);
                 }
@@ -198,7 +201,7 @@ impl Engine {
         Ok(Published { patches, detections, sensing, ..Published::new(update, scene, difference) })
     }
 
-    /// Who is where, by a map that is of now; nobody is followed through frames without one.
+    /// Tracks people on the current map. Tracking pauses while there is no map of the present.
     fn follow(&mut self, seconds: f64, update: &mut Update) -> Vec<Detection> {
         let Some(people) = &mut self.people else { return Vec::new() };
         let start = Instant::now();
@@ -222,7 +225,8 @@ impl Drop for Engine {
     }
 }
 
-/// Whether a frame belongs to the start of a recording. With a fixed background, everything does that is not to be watched.
+/// Whether a frame belongs to the initial part of a recording, up to its frames of the empty room. With a fixed
+/// background that is every frame not marked to be watched.
 fn is_given(purpose: Purpose, rolling: bool) -> bool {
     match purpose {
         Purpose::Before | Purpose::Background => true,

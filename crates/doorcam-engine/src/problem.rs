@@ -129,8 +129,9 @@ impl Problem {
         self.lambda_in_noise(frame, lambda_max, 1.0)
     }
 
-    /// λ for a frame whose map would be empty because of what the floor's texture might do: none, unless so few frames of the
-    /// empty room are known, as in published measurements, that its strength is a guess. The frame is then judged by itself.
+    /// λ for a frame whose map would be empty because of what the floor's texture might do: none, unless so few frames
+    /// of the empty room are known, as in published measurements, that its strength is a guess. The frame is then
+    /// judged by itself.
     pub fn lambda_by_itself(&self, lambda_max: f64, excess: f64) -> Option<f64> {
         self.few_frames.then(|| self.least_lambda(lambda_max, excess))
     }

@@ -332,8 +332,8 @@ mod tests {
         footprint.iter().map(|&(k, weight)| f64::from(weight) * image[k as usize]).sum()
     }
 
-    /// Pixels of the image between its border and the nearest corner of a patch pixel's square; infinite if a corner is not
-    /// projected at all.
+    /// Pixels of the image between its border and the nearest corner of a patch pixel's square; infinite if a corner is
+    /// not projected at all.
     fn from_border(camera: &Camera, (width, height): (usize, usize), side: Side, size: usize, pixel: usize) -> f64 {
         let plan = Plan::new(&DOORWAY, &patch(size), side);
         let corners =
