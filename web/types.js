@@ -204,6 +204,7 @@
  * @typedef {object} Check
  * @property {boolean} ok
  * @property {string[]} errors
+ * @property {string[]} warnings  possible but unusual
  * @property {PointCheck[]} points
  * @property {{ rms_px: number, rms_mm: number, noise_px: number | null,
  *              floor_mm: number | null, angle_deg: number | null } | null} error  null if no camera fits

@@ -180,7 +180,7 @@ fn serve(
 ) -> anyhow::Result<()> {
     let Watch { feed, mut engine, assembly, calibration, keeping } = watch;
     let (info, manifest) = (feed.info(), feed.manifest().cloned());
-    let spec = info.spec.clone();
+    let (spec, size) = (info.spec.clone(), manifest.as_ref().and_then(|manifest| manifest.size));
     // Before the hub: counts made before the recorder is installed are lost.
     let metrics = recorder();
     let kind = info.kind;
@@ -212,7 +212,7 @@ fn serve(
     let recordings = directory.map(|directory| directory.join("recordings"));
     let recordings = Arc::new(Recordings::new(recordings, manifest, Arc::clone(&hub)));
     let runtime = tokio::runtime::Runtime::new().context("cannot start the server's threads")?;
-    runtime.block_on(async {
+    let served = runtime.block_on(async {
         let server = Server::bind(&config.server, access, tls).await?;
         let mut interrupt = signal(SignalKind::interrupt())?;
         let mut terminate = signal(SignalKind::terminate())?;
@@ -232,8 +232,9 @@ fn serve(
         let kept = history.clone();
         let (end, ending) = tokio::sync::watch::channel(false);
         let publishing = tokio::spawn(publishers.clone().run(Arc::clone(&hub), ending));
-        let calibrator =
-            Arc::new(Calibrator::new(assembly, keeping, calibration, Arc::clone(&hub), running.control().clone()));
+        let control = running.control().clone();
+        let calibrator = Calibrator::new(assembly, keeping, calibration, size, Arc::clone(&hub), control);
+        let calibrator = Arc::new(calibrator.context("cannot start the thread that builds calibrations")?);
         let zones = Arc::new(ZoneKeeper::new(
             config.zones.clone(),
             zones_file,
@@ -289,5 +290,8 @@ fn serve(
         // An error here is a panic of the task, which was reported when it happened.
         let _ = publishing.await;
         anyhow::Ok(())
-    })
+    });
+    // A request whose work still runs must not hold up the end.
+    runtime.shutdown_timeout(Duration::from_millis(500));
+    served
 }

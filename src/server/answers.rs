@@ -14,6 +14,9 @@ pub(super) const SETUP: &str = "Setup";
 /// Description of status 304 for responses that have an ETag.
 pub(super) const UNCHANGED: &str = "Not modified: If-None-Match names the current ETag";
 
+/// Description of If-Match for what can be changed.
+pub(super) const IF_MATCH: &str = "Change it only if this is its current ETag (or \"*\"); otherwise the answer is 412";
+
 /// An image file.
 #[derive(ToSchema)]
 #[schema(value_type = String, format = Binary)]
@@ -46,6 +49,8 @@ problems! {
     Unfit
     /// Not possible with this source, or no longer possible
     Conflicting
+    /// Changed since: If-Match does not name the current ETag
+    Stale
     /// No token, or a wrong one
     WrongToken
     /// Too many wrong tokens; Retry-After says when to try again

@@ -8,10 +8,10 @@ use axum::http::HeaderMap;
 use axum::response::{IntoResponse, Response};
 
 use super::Shared;
-use super::answers::{Conflicting, Failed, Malformed, SETUP, TooLarge, UNCHANGED, Unfit, Unknown};
+use super::answers::{Conflicting, Failed, IF_MATCH, Malformed, SETUP, Stale, TooLarge, UNCHANGED, Unfit, Unknown};
 use super::problem::ProblemDetails;
 use super::tag;
-use crate::watch::{CalibrationRefused, CalibrationReport, Calibrator};
+use crate::watch::{CalibrationRefused, CalibrationReport, Calibrator, Precondition};
 use doorcam_core::calibration::{Calibration, Check};
 
 /// The calibration in use, how good it is, and whether it can be changed.
@@ -45,49 +45,64 @@ pub(super) async fn check(State(shared): State<Shared>, body: Result<Bytes, Byte
 /// Replaces the calibration from the next frame on, and keeps the previous one.
 #[utoipa::path(
     put, path = "/calibration", tag = SETUP, request_body = Calibration,
+    params(("If-Match" = Option<String>, Header, description = IF_MATCH)),
     responses(
         (status = 200, description = "It is used from the next frame on", body = CalibrationReport),
-        (status = 400, response = Malformed), (status = 409, response = Conflicting),
+        (status = 400, response = Malformed), (status = 409, response = Conflicting), (status = 412, response = Stale),
         (status = 413, response = TooLarge), (status = 422, response = Unfit), (status = 500, response = Failed),
     )
 )]
-pub(super) async fn put(State(shared): State<Shared>, body: Result<Bytes, BytesRejection>) -> Response {
+pub(super) async fn put(
+    State(shared): State<Shared>,
+    asked: HeaderMap,
+    body: Result<Bytes, BytesRejection>,
+) -> Response {
     let calibration: Calibration = match ProblemDetails::body(body) {
         Ok(calibration) => calibration,
         Err(problem) => return problem.into_response(),
     };
-    blocking(shared, move |calibrator| changed(calibrator, calibrator.replace(calibration))).await
+    let replaced = shared.calibrator.replace(calibration, only_if(&asked)).await;
+    changed(shared, replaced).await
 }
 
 /// Goes back to the previous calibration, from the next frame on.
 #[utoipa::path(
     post, path = "/calibration/previous", tag = SETUP,
+    params(("If-Match" = Option<String>, Header, description = IF_MATCH)),
     responses(
         (status = 200, description = "It is used from the next frame on", body = CalibrationReport),
-        (status = 404, response = Unknown), (status = 409, response = Conflicting),
+        (status = 404, response = Unknown), (status = 409, response = Conflicting), (status = 412, response = Stale),
         (status = 422, response = Unfit), (status = 500, response = Failed),
     )
 )]
-pub(super) async fn previous(State(shared): State<Shared>) -> Response {
-    blocking(shared, |calibrator| changed(calibrator, calibrator.restore())).await
+pub(super) async fn previous(State(shared): State<Shared>, asked: HeaderMap) -> Response {
+    let restored = shared.calibrator.restore(only_if(&asked)).await;
+    changed(shared, restored).await
 }
 
-fn changed(calibrator: &Calibrator, result: Result<(), CalibrationRefused>) -> Response {
-    match result {
-        Ok(()) => Json(calibrator.report()).into_response(),
-        Err(e) => {
-            let problem = match &e {
-                CalibrationRefused::Fixed(_) | CalibrationRefused::Ended => ProblemDetails::conflict,
-                CalibrationRefused::Unfit(_) => ProblemDetails::unprocessable,
-                CalibrationRefused::NoPrevious => ProblemDetails::not_found,
-                CalibrationRefused::Store(_) => ProblemDetails::internal,
-            };
-            problem(&e.to_string()).into_response()
+/// The condition that a request's If-Match sets.
+fn only_if(asked: &HeaderMap) -> Precondition {
+    let asked = asked.clone();
+    Box::new(move |report| tag::may_change(&asked, report))
+}
+
+async fn changed(shared: Shared, result: Result<(), CalibrationRefused>) -> Response {
+    let Err(e) = result else {
+        return blocking(shared, |calibrator| tag::json(&HeaderMap::new(), &calibrator.report())).await;
+    };
+    let problem = match &e {
+        CalibrationRefused::Fixed(_) | CalibrationRefused::Ended | CalibrationRefused::Superseded => {
+            ProblemDetails::conflict
         }
-    }
+        CalibrationRefused::Stale => ProblemDetails::precondition_failed,
+        CalibrationRefused::Unfit(_) => ProblemDetails::unprocessable,
+        CalibrationRefused::NoPrevious => ProblemDetails::not_found,
+        CalibrationRefused::Store(_) | CalibrationRefused::Internal => ProblemDetails::internal,
+    };
+    problem(&e.to_string()).into_response()
 }
 
-/// Runs `work` on a blocking thread: fitting and building a model take too long for an async one.
+/// Runs `work` on a blocking thread: fitting a camera takes too long for an async one.
 async fn blocking(shared: Shared, work: impl FnOnce(&Calibrator) -> Response + Send + 'static) -> Response {
     match tokio::task::spawn_blocking(move || work(&shared.calibrator)).await {
         Ok(response) => response,

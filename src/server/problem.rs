@@ -45,6 +45,10 @@ impl ProblemDetails {
         Self::new(StatusCode::BAD_REQUEST, detail)
     }
 
+    pub(super) fn precondition_failed(detail: &str) -> Self {
+        Self::new(StatusCode::PRECONDITION_FAILED, detail)
+    }
+
     pub(super) fn unprocessable(detail: &str) -> Self {
         Self::new(StatusCode::UNPROCESSABLE_ENTITY, detail)
     }

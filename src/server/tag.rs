@@ -1,6 +1,6 @@
 use std::hash::{DefaultHasher, Hasher};
 
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 
@@ -33,11 +33,22 @@ impl Tag {
     }
 
     pub(super) fn is_known(&self, asked: &HeaderMap) -> bool {
-        let lists = asked.get_all(header::IF_NONE_MATCH).iter().filter_map(|list| list.to_str().ok());
+        self.is_named(asked, header::IF_NONE_MATCH)
+    }
+
+    fn is_named(&self, asked: &HeaderMap, name: HeaderName) -> bool {
+        let lists = asked.get_all(name).iter().filter_map(|list| list.to_str().ok());
         let mut known = lists.flat_map(|list| list.split(',')).map(str::trim);
         // A strong tag counts as well. Splitting at commas is safe, because no tag of ours has one.
         known.any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag).trim_matches('"') == self.0)
     }
+}
+
+/// Whether a client may change what `json` answers with `value`: it sends no If-Match, or one that names this state.
+/// Weak tags count (unlike in RFC 9110), because all tags of ours are weak and stand for one state.
+pub(super) fn may_change(asked: &HeaderMap, value: &impl Serialize) -> bool {
+    let of = |value| serde_json::to_vec(value).is_ok_and(|body| Tag::of(&body).is_named(asked, header::IF_MATCH));
+    !asked.contains_key(header::IF_MATCH) || of(value)
 }
 
 /// Answers with JSON that changes rarely, or with 304.
@@ -50,7 +61,19 @@ pub(super) fn json(asked: &HeaderMap, value: &impl Serialize) -> Response {
 
 #[cfg(test)]
 mod tests {
+    use axum::http::HeaderValue;
+
     use super::*;
+
+    #[test]
+    fn only_the_current_state_may_be_changed_by_who_names_a_state() {
+        let answer = json(&HeaderMap::new(), &"one");
+        let tag = answer.headers()[header::ETAG].clone();
+        let naming = |tag: HeaderValue| HeaderMap::from_iter([(header::IF_MATCH, tag)]);
+        assert!(may_change(&HeaderMap::new(), &"one") && may_change(&naming("*".parse().unwrap()), &"one"));
+        assert!(may_change(&naming(tag.clone()), &"one") && !may_change(&naming(tag), &"two"));
+        assert!(!may_change(&naming(HeaderValue::from_bytes(b"\xff").unwrap()), &"one"));
+    }
 
     #[test]
     fn a_tag_is_known_alone_in_a_list_and_weakly() {

@@ -1,8 +1,10 @@
 //! The calibration in use: reported, checked, replaced and saved while frames keep coming.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use serde::Serialize;
+use tokio::sync::oneshot;
 use utoipa::ToSchema;
 
 use crate::config::Config;
@@ -10,7 +12,7 @@ use crate::watch::calibration_store::{CalibrationStore, StoreError};
 use crate::watch::{Command, Control, Hub};
 use doorcam_core::calibration::{Calibration, Check};
 use doorcam_core::schema;
-use doorcam_engine::{Assembly, Engine, SetupError};
+use doorcam_engine::{Assembly, Engine, Settings, SetupError};
 
 /// Where a run's calibration is stored, if it may be changed at all.
 #[derive(Debug)]
@@ -22,11 +24,23 @@ pub enum Keeping {
 }
 
 /// Checks, applies and saves calibrations.
+///
+/// Engines are built one at a time on a thread of its own. A change that waits for its turn when the next one comes is
+/// not built at all, so that any number of them costs no more than the newest.
 pub struct Calibrator {
+    shared: Arc<Shared>,
+}
+
+struct Shared {
     keeping: Keeping,
+    /// Size of the images, where it is known beforehand.
+    size: Option<[usize; 2]>,
     hub: Arc<Hub>,
     control: Control,
+    /// Held for moments only: nothing is built or read from a disk meanwhile.
     state: Mutex<State>,
+    waiting: Mutex<Waiting>,
+    changed: Condvar,
 }
 
 struct State {
@@ -34,6 +48,30 @@ struct State {
     calibration: Option<Calibration>,
     revision: u32,
 }
+
+/// What the builder has to do next.
+#[derive(Default)]
+struct Waiting {
+    change: Option<(Change, Answer)>,
+    settings: Option<(Box<Settings>, Answer)>,
+    closed: bool,
+}
+
+/// A change of the calibration, and what must still be true of the one in use when it is made.
+struct Change {
+    to: To,
+    only_if: Precondition,
+}
+
+enum To {
+    This(Calibration),
+    Previous,
+}
+
+/// Says whether a report is the one that a client knows.
+pub type Precondition = Box<dyn Fn(&CalibrationReport) -> bool + Send>;
+
+type Answer = oneshot::Sender<Result<(), CalibrationRefused>>;
 
 /// The calibration in use and what can be done with it.
 #[derive(Debug, Serialize, ToSchema)]
@@ -74,28 +112,211 @@ pub enum CalibrationRefused {
     /// The source ended.
     #[error("the source has ended: no frames will come")]
     Ended,
+    /// The one in use is not the one that the client knows.
+    #[error("the calibration in use is not the one that If-Match names: read it again")]
+    Stale,
+    /// Another change came before this one was made.
+    #[error("another change of the calibration came before this one was made: this one is not used")]
+    Superseded,
+    /// It failed on an internal error.
+    #[error("the calibration failed on an internal error")]
+    Internal,
 }
 
 impl Calibrator {
-    /// For the run that `control` commands; `calibration` is the one in use.
+    /// For the run that `control` commands; `calibration` is the one in use. `size` is that of the images where it is
+    /// known beforehand, as with recordings; a camera tells it once it is open.
+    ///
+    /// # Errors
+    /// If the builder's thread cannot be started.
     pub fn new(
         assembly: Assembly,
         keeping: Keeping,
         calibration: Option<Calibration>,
+        size: Option<[usize; 2]>,
         hub: Arc<Hub>,
         control: Control,
-    ) -> Self {
-        Self { keeping, hub, control, state: Mutex::new(State { assembly, calibration, revision: 0 }) }
+    ) -> std::io::Result<Self> {
+        let state = Mutex::new(State { assembly, calibration, revision: 0 });
+        let (waiting, changed) = (Mutex::default(), Condvar::new());
+        let shared = Arc::new(Shared { keeping, size, hub, control, state, waiting, changed });
+        std::thread::Builder::new().name("calibrate".into()).spawn({
+            let shared = Arc::clone(&shared);
+            move || shared.build()
+        })?;
+        Ok(Self { shared })
     }
 
     /// The calibration in use and what can be done with it.
     pub fn report(&self) -> CalibrationReport {
+        self.shared.report()
+    }
+
+    /// The calibration in use, with the configuration's lens and transfer function where it has none of its own.
+    pub fn calibration(&self) -> Option<Calibration> {
+        let state = self.shared.state();
+        state.calibration.as_ref().map(|calibration| state.assembly.complete(calibration))
+    }
+
+    /// Checks a calibration without using it: it is `ok` if and only if [`Self::replace`] would use it.
+    pub fn check(&self, calibration: &Calibration) -> Check {
+        self.shared.check(calibration)
+    }
+
+    /// Uses a calibration from the next frame on and saves it, keeping the one before as the previous one. Nothing
+    /// changes unless `only_if` holds for the report at that moment.
+    ///
+    /// # Errors
+    /// If it may not be changed, fails its check or cannot be saved, if `only_if` does not hold, if another change
+    /// comes before this one is made, or the source has ended.
+    pub async fn replace(&self, calibration: Calibration, only_if: Precondition) -> Result<(), CalibrationRefused> {
+        self.ask(To::This(calibration), only_if).await
+    }
+
+    /// Swaps the calibration in use with the previous one.
+    ///
+    /// # Errors
+    /// As [`Self::replace`], and if there is no previous calibration.
+    pub async fn restore(&self, only_if: Precondition) -> Result<(), CalibrationRefused> {
+        self.ask(To::Previous, only_if).await
+    }
+
+    async fn ask(&self, to: To, only_if: Precondition) -> Result<(), CalibrationRefused> {
+        if let Keeping::Fixed(reason) = &self.shared.keeping {
+            return Err(CalibrationRefused::Fixed(reason.clone()));
+        }
+        let (tell, told) = oneshot::channel();
+        let superseded = self.shared.hand_over(|waiting| waiting.change.replace((Change { to, only_if }, tell)));
+        if let Some((_, before)) = superseded {
+            // Nobody may be waiting for it any more.
+            let _ = before.send(Err(CalibrationRefused::Superseded));
+        }
+        told.await.unwrap_or(Err(CalibrationRefused::Internal))
+    }
+
+    /// Uses another configuration of room, grid, model and tracker from the next frame on. The calibration stays the
+    /// same, but its revision changes because the map does. Waits until that is done: not to be called on an async
+    /// worker.
+    ///
+    /// # Errors
+    /// If it may not be changed, does not fit the calibration, or the source has ended.
+    pub fn reconfigure(&self, config: &Config) -> Result<(), CalibrationRefused> {
+        if let Keeping::Fixed(reason) = &self.shared.keeping {
+            return Err(CalibrationRefused::Fixed(reason.clone()));
+        }
+        let (tell, told) = oneshot::channel();
+        let settings = Box::new(config.settings());
+        let superseded = self.shared.hand_over(|waiting| waiting.settings.replace((settings, tell)));
+        if let Some((_, before)) = superseded {
+            let _ = before.send(Err(CalibrationRefused::Superseded));
+        }
+        told.blocking_recv().unwrap_or(Err(CalibrationRefused::Internal))
+    }
+}
+
+impl Drop for Calibrator {
+    fn drop(&mut self) {
+        self.shared.hand_over(|waiting| waiting.closed = true);
+    }
+}
+
+impl Shared {
+    /// Changes what waits for the builder, and wakes it.
+    fn hand_over<T>(&self, change: impl FnOnce(&mut Waiting) -> T) -> T {
+        let result = change(&mut self.waiting.lock().unwrap_or_else(PoisonError::into_inner));
+        self.changed.notify_one();
+        result
+    }
+
+    /// The builder: makes one change after the other until the calibrator is dropped.
+    fn build(&self) {
+        let idle = |waiting: &mut Waiting| waiting.change.is_none() && waiting.settings.is_none() && !waiting.closed;
+        loop {
+            let waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut waiting = self.changed.wait_while(waiting, idle).unwrap_or_else(PoisonError::into_inner);
+            let (settings, change) = (waiting.settings.take(), waiting.change.take());
+            if waiting.closed {
+                return;
+            }
+            drop(waiting);
+            if let Some((settings, answer)) = settings {
+                self.answer(answer, || self.use_settings(*settings));
+            }
+            if let Some((change, answer)) = change {
+                self.answer(answer, || self.make(change));
+            }
+        }
+    }
+
+    /// Sends the result of a change. A panic, which has been reported when it happened, costs this change only.
+    fn answer(&self, answer: Answer, make: impl FnOnce() -> Result<(), CalibrationRefused>) {
+        let made = catch_unwind(AssertUnwindSafe(make)).unwrap_or(Err(CalibrationRefused::Internal));
+        // The client may have gone.
+        let _ = answer.send(made);
+    }
+
+    fn make(&self, Change { to, only_if }: Change) -> Result<(), CalibrationRefused> {
+        let Keeping::File(store) = &self.keeping else { return Err(CalibrationRefused::NoPrevious) };
+        if !only_if(&self.report()) {
+            return Err(CalibrationRefused::Stale);
+        }
+        let calibration = match to {
+            To::This(calibration) => calibration,
+            To::Previous => store.previous()?.ok_or(CalibrationRefused::NoPrevious)?,
+        };
+        let (assembly, revision) = self.next();
+        let engine = self.engine(&assembly, &calibration, revision)?;
+        store.save(&calibration)?;
+        self.go_on_with(assembly, Some(calibration), Some(engine))
+    }
+
+    fn use_settings(&self, settings: Settings) -> Result<(), CalibrationRefused> {
+        let (assembly, revision) = self.next();
+        let assembly = assembly.with(settings);
+        let calibration = self.state().calibration.clone();
+        let engine = calibration.as_ref().map(|c| self.engine(&assembly, c, revision)).transpose()?;
+        self.go_on_with(assembly, calibration, engine)
+    }
+
+    /// The assembly in use, and the next calibration's revision.
+    fn next(&self) -> (Assembly, u32) {
+        let state = self.state();
+        (state.assembly.clone(), state.revision + 1)
+    }
+
+    fn engine(
+        &self,
+        assembly: &Assembly,
+        calibration: &Calibration,
+        revision: u32,
+    ) -> Result<Engine, CalibrationRefused> {
+        if let Some(error) = self.check_with(assembly, calibration).errors.first() {
+            return Err(CalibrationRefused::Unfit(error.clone()));
+        }
+        let unfit = |e: SetupError| CalibrationRefused::Unfit(e.to_string());
+        assembly.clone().of_calibration(revision).for_camera(calibration).map_err(unfit)
+    }
+
+    fn go_on_with(
+        &self,
+        assembly: Assembly,
+        calibration: Option<Calibration>,
+        engine: Option<Engine>,
+    ) -> Result<(), CalibrationRefused> {
+        let mut state = self.state();
+        (state.assembly, state.calibration) = (assembly, calibration);
+        let Some(engine) = engine else { return Ok(()) };
+        state.revision += 1;
+        if self.control.tell(Command::Use(Box::new(engine))) { Ok(()) } else { Err(CalibrationRefused::Ended) }
+    }
+
+    fn report(&self) -> CalibrationReport {
         let calibration = self.state().calibration.clone();
         let (editable, reason, previous) = match &self.keeping {
             Keeping::File(store) => (true, None, store.has_previous()),
             Keeping::Fixed(reason) => (false, Some(reason.clone()), false),
         };
-        let size = self.hub.size().or(calibration.as_ref().map(|c| c.size));
+        let size = self.image_size().or(calibration.as_ref().map(|c| c.size));
         CalibrationReport {
             editable,
             reason,
@@ -106,22 +327,14 @@ impl Calibrator {
         }
     }
 
-    /// The calibration in use, with the configuration's lens and transfer function where it has none of its own.
-    pub fn calibration(&self) -> Option<Calibration> {
-        let state = self.state();
-        state.calibration.as_ref().map(|calibration| state.assembly.complete(calibration))
-    }
-
-    /// Checks a calibration without using it.
-    pub fn check(&self, calibration: &Calibration) -> Check {
-        // Checking takes a while: work on a copy instead of holding the lock.
+    fn check(&self, calibration: &Calibration) -> Check {
         let assembly = self.state().assembly.clone();
         self.check_with(&assembly, calibration)
     }
 
     fn check_with(&self, assembly: &Assembly, calibration: &Calibration) -> Check {
         let mut check = assembly.check(calibration);
-        if let Some(size) = self.hub.size().filter(|size| *size != calibration.size) {
+        if let Some(size) = self.image_size().filter(|size| *size != calibration.size) {
             let ([w, h], [cw, ch]) = (calibration.size, size);
             check.ok = false;
             check.errors.push(format!("size: the calibration is for {w} x {h} pixels, the camera gives {cw} x {ch}"));
@@ -129,79 +342,9 @@ impl Calibrator {
         check
     }
 
-    /// Uses a calibration from the next frame on and saves it, keeping the one before as the previous one.
-    ///
-    /// # Errors
-    /// If it may not be changed, fails its check or cannot be saved, or the source has ended.
-    pub fn replace(&self, calibration: Calibration) -> Result<(), CalibrationRefused> {
-        let Keeping::File(store) = &self.keeping else { return Err(self.fixed()) };
-        let mut state = self.state();
-        let engine = self.engine(&state.assembly, &calibration, state.revision + 1)?;
-        store.save(&calibration)?;
-        self.go_on_with(&mut state, calibration, engine)
-    }
-
-    /// Swaps the calibration in use with the previous one.
-    ///
-    /// # Errors
-    /// As [`Self::replace`], and if there is no previous calibration.
-    pub fn restore(&self) -> Result<(), CalibrationRefused> {
-        let Keeping::File(store) = &self.keeping else { return Err(self.fixed()) };
-        let mut state = self.state();
-        let calibration = store.previous()?.ok_or(CalibrationRefused::NoPrevious)?;
-        let engine = self.engine(&state.assembly, &calibration, state.revision + 1)?;
-        store.save(&calibration)?;
-        self.go_on_with(&mut state, calibration, engine)
-    }
-
-    /// Uses another configuration of room, grid, model and tracker from the next frame on. The calibration stays the
-    /// same, but its revision changes because the map does.
-    ///
-    /// # Errors
-    /// If it may not be changed, does not fit the calibration, or the source has ended.
-    pub fn reconfigure(&self, config: &Config) -> Result<(), CalibrationRefused> {
-        let Keeping::File(_) = &self.keeping else { return Err(self.fixed()) };
-        let mut state = self.state();
-        let assembly = state.assembly.with(config.settings());
-        if let Some(calibration) = state.calibration.clone() {
-            let engine = self.engine(&assembly, &calibration, state.revision + 1)?;
-            self.go_on_with(&mut state, calibration, engine)?;
-        }
-        state.assembly = assembly;
-        Ok(())
-    }
-
-    fn engine(
-        &self,
-        assembly: &Assembly,
-        calibration: &Calibration,
-        revision: u32,
-    ) -> Result<Engine, CalibrationRefused> {
-        let check = self.check_with(assembly, calibration);
-        if let Some(error) = check.errors.first() {
-            return Err(CalibrationRefused::Unfit(error.clone()));
-        }
-        let unfit = |e: SetupError| CalibrationRefused::Unfit(e.to_string());
-        assembly.clone().of_calibration(revision).for_camera(calibration).map_err(unfit)
-    }
-
-    fn go_on_with(
-        &self,
-        state: &mut State,
-        calibration: Calibration,
-        engine: Engine,
-    ) -> Result<(), CalibrationRefused> {
-        state.revision += 1;
-        state.calibration = Some(calibration);
-        if self.control.tell(Command::Use(Box::new(engine))) { Ok(()) } else { Err(CalibrationRefused::Ended) }
-    }
-
-    fn fixed(&self) -> CalibrationRefused {
-        let reason = match &self.keeping {
-            Keeping::Fixed(reason) => reason.clone(),
-            Keeping::File(_) => String::new(),
-        };
-        CalibrationRefused::Fixed(reason)
+    /// Size of the images that come.
+    fn image_size(&self) -> Option<[usize; 2]> {
+        self.hub.size().or(self.size)
     }
 
     fn state(&self) -> MutexGuard<'_, State> {

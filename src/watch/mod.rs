@@ -15,7 +15,7 @@ mod tap;
 mod zones;
 
 pub use calibration_store::{CalibrationStore, StoreError};
-pub use calibrator::{CalibrationRefused, CalibrationReport, Calibrator, Keeping};
+pub use calibrator::{CalibrationRefused, CalibrationReport, Calibrator, Keeping, Precondition};
 pub use hub::{CapturedImages, Hub, Status};
 pub use mailbox::{Mailbox, Put, Taken};
 pub use recent::{PathPoint, TrackHistory};

@@ -268,14 +268,22 @@ impl Solver<'_> {
 
     /// Handles commands and at most one frame. Returns a value at the end.
     fn once(&mut self) -> Step<Result<(), String>> {
+        // Of several engines that have come meanwhile, only the newest is started.
+        let mut newest = None;
         while let Ok(command) = self.commands.try_recv() {
+            if let Command::Use(next) = command {
+                newest = Some(next);
+                continue;
+            }
+            newest.take().into_iter().for_each(|next| self.go_on_with(*next));
             match command {
-                Command::Use(next) => self.go_on_with(*next),
+                Command::Use(_) => {}
                 Command::UseZones(zones) => self.engine.iter_mut().for_each(|engine| engine.use_zones(zones.clone())),
                 Command::ResetBackground => self.engine.iter_mut().for_each(Engine::reset_background),
                 Command::End => return Step::Over(Ok(())),
             }
         }
+        newest.into_iter().for_each(|next| self.go_on_with(*next));
         // Commands are carried out meanwhile, and the mailbox keeps what must be kept.
         let wait = self.resume.saturating_duration_since(Instant::now());
         if !wait.is_zero() {

@@ -40,6 +40,7 @@ export function check({ size, doorway, floor_points }) {
   const nothing = {
     ok: false,
     errors: [],
+    warnings: [],
     points: [],
     error: null,
     overlay: { edges: [null, null], door_line: [], patches: { left: [], right: [] }, grid: [] },

@@ -17,6 +17,7 @@ mod endurance;
 mod errors;
 mod evaluate;
 mod examples;
+mod extreme;
 mod frame_loop;
 mod history;
 mod history_kill;

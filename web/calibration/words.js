@@ -4,10 +4,15 @@ import { fixed, plural } from "../format.js";
 /** @import { Outcome } from "./checker.js" */
 
 /**
- * How good the calibration is, in one line.
+ * What is in doubt and how good the calibration is, in one line.
  * @param {Check} check
  */
-export function summaryOf({ error, seen }) {
+export function summaryOf({ error, seen, warnings }) {
+  return [...warnings.map((warning) => `${inWords(warning)}.`.replace("?.", "?")), accuracyOf({ error, seen })].join(" ").trim();
+}
+
+/** @param {Pick<Check, "error" | "seen">} check */
+function accuracyOf({ error, seen }) {
   if (!error) return "";
   const { rms_px, noise_px, floor_mm, angle_deg } = error;
   const consequence = floor_mm === null || angle_deg === null ? "" : `, ${fixed(floor_mm, 1)} mm on the floor, ${fixed(angle_deg, 1)}° in angle`;

@@ -1,5 +1,8 @@
 //! Decoded images.
 
+/// Most pixels of an image that is looked at: 8K, more than any camera has that can watch a doorway.
+pub const MOST_PIXELS: usize = 7680 * 4320;
+
 /// Sample values as stored in the file: red, green and blue interleaved, row by row from the top left.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Samples {

@@ -1,5 +1,7 @@
 //! The camera properties that measuring needs: transfer function, lens, points on the floor.
 
+use std::ops::RangeInclusive;
+
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::Point;
@@ -20,15 +22,24 @@ pub enum Transfer {
     Curve(Vec<f64>),
 }
 
+/// Powers that a camera can have. With others, nearly all codes would stand for nearly the same light.
+const GAMMA: RangeInclusive<f64> = 0.1..=10.0;
+
+/// Most values of a measured curve: more than one for each code of 16 bits say nothing.
+const MOST_VALUES: usize = 1 << 16;
+
 /// A transfer function that no camera has. The message names the key and says what was expected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TransferError {
-    /// A power that is not positive.
-    #[error("transfer.gamma is {0}, expected a number above 0")]
+    /// A power that no camera uses.
+    #[error("transfer.gamma is {0}, expected {least} to {most}", least = GAMMA.start(), most = GAMMA.end())]
     Gamma(f64),
     /// Fewer than two values.
     #[error("transfer.curve has {0} values, expected at least 2: the light at code 0 and at full scale")]
     CurveTooShort(usize),
+    /// More values than there are codes.
+    #[error("transfer.curve has {0} values, expected at most {MOST_VALUES}, one for each code of 16 bits")]
+    CurveTooLong(usize),
     /// A value that is below the one before it, negative or not finite.
     #[error("transfer.curve[{at}] is {value}, expected a number of 0 or above, not below the value before it")]
     CurveFalls {
@@ -47,12 +58,13 @@ impl Transfer {
     ///
     /// # Errors
     ///
-    /// If the power is not positive, or the curve is too short, falls or is flat.
+    /// If the power is out of range, or the curve is too short or too long, falls or is flat.
     pub fn validate(&self) -> Result<(), TransferError> {
         match self {
             Transfer::Srgb | Transfer::Linear => Ok(()),
-            &Transfer::Gamma(gamma) if gamma.is_finite() && gamma > 0.0 => Ok(()),
+            Transfer::Gamma(gamma) if GAMMA.contains(gamma) => Ok(()),
             &Transfer::Gamma(gamma) => Err(TransferError::Gamma(gamma)),
+            Transfer::Curve(curve) if curve.len() > MOST_VALUES => Err(TransferError::CurveTooLong(curve.len())),
             Transfer::Curve(curve) => {
                 let (Some(&first), Some(&last), 2..) = (curve.first(), curve.last(), curve.len()) else {
                     return Err(TransferError::CurveTooShort(curve.len()));
@@ -158,7 +170,11 @@ mod tests {
     #[test]
     fn what_no_camera_has_is_refused_by_key() {
         let error = |transfer: Transfer| transfer.validate().expect_err("refused").to_string();
-        assert_eq!(error(Transfer::Gamma(0.0)), "transfer.gamma is 0, expected a number above 0");
+        assert_eq!(error(Transfer::Gamma(0.0)), "transfer.gamma is 0, expected 0.1 to 10");
+        assert!(error(Transfer::Gamma(1e9)).starts_with("transfer.gamma is 1000000000, expected"));
+        assert!(
+            error(Transfer::Curve(vec![0.5; 65_537])).starts_with("transfer.curve has 65537 values, expected at most")
+        );
         assert!(error(Transfer::Curve(vec![1.0])).starts_with("transfer.curve has 1 values, expected at least 2"));
         assert!(error(Transfer::Curve(vec![0.0, 0.5, 0.4])).starts_with("transfer.curve[2] is 0.4, expected"));
         assert!(error(Transfer::Curve(vec![-0.1, 0.5])).starts_with("transfer.curve[0] is -0.1"));

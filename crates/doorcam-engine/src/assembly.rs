@@ -131,9 +131,18 @@ impl Assembly {
         }
     }
 
-    /// Checks a calibration without building an engine.
+    /// Checks a calibration without building an engine: it is `ok` if and only if [`Self::for_camera`] accepts it.
     pub fn check(&self, calibration: &Calibration) -> Check {
-        self.complete(calibration).check(&Model::patch_grid(&self.settings, None))
+        let calibration = self.complete(calibration);
+        let patch = Model::patch_grid(&self.settings, None);
+        let mut check = calibration.check(&patch);
+        if let Some(camera) = check.ok.then(|| calibration.camera().ok()).flatten() {
+            let seen = calibration.patch_sights(&patch, &camera).map(|sight| sight.whole);
+            let refused = Model::check(&self.settings, &calibration.doorway, &patch, Some(seen)).err();
+            check.errors.extend(refused.map(|e| e.to_string()));
+            check.ok = check.errors.is_empty();
+        }
+        check
     }
 
     /// The calibration, with the settings' lens and transfer function where it has none of its own.

@@ -23,6 +23,8 @@ pub struct Engine {
     reconstructor: Reconstructor,
     /// `None` if people are not tracked.
     people: Option<People>,
+    /// Computes what finding people needs, until it is done or the engine is replaced.
+    _bodies: Option<Job<()>>,
     /// `None` if the background is fixed to a recording's frames of the empty room.
     keeper: Option<Keeper>,
     /// The recording's frames of the empty room.
@@ -53,6 +55,7 @@ impl Engine {
         let averager = Averager::new(settings.averaging.mode, settings.averaging.time_s, reader.patch().size);
         let mut reconstructor = parts.reconstructor();
         let people = parts.people();
+        let mut bodies = None;
         let keeper = match parts.background() {
             BackgroundPlan::Given => None,
             BackgroundPlan::Rolling(work) => {
@@ -60,9 +63,9 @@ impl Engine {
                     // Finding people needs this. Compute it while the empty room is being learned; an earlier user
                     // waits for it.
                     let model = Arc::clone(&parts.model);
-                    Job::start(work, "bodies", move || {
+                    bodies = Some(Job::in_turn(work, "bodies", move || {
                         model.bodies();
-                    });
+                    }));
                 }
                 let store = parts.store(&format!("{:?}", averager.kind()));
                 Some(Keeper::new(&settings.background, store, work, averager.independent_s(), &mut reconstructor))
@@ -77,6 +80,7 @@ impl Engine {
             averager,
             reconstructor,
             people,
+            _bodies: bodies,
             keeper,
             parts,
         }

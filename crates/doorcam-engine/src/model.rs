@@ -29,20 +29,6 @@ pub enum SetupError {
         /// How many are needed.
         least: usize,
     },
-    /// The camera does not see enough of a patch.
-    #[error(
-        "the camera sees {seen} of the {all} pixels of the {side} patch; expected at least half (patch.fov_m is {fov_m})"
-    )]
-    PatchNotSeen {
-        /// Which patch.
-        side: &'static str,
-        /// Pixels seen.
-        seen: usize,
-        /// Pixels of the patch.
-        all: usize,
-        /// Its side, in metres.
-        fov_m: f64,
-    },
 }
 
 /// Height of a person, in metres: accurate enough for anybody who stands.
@@ -113,23 +99,7 @@ impl Model {
         patch: PatchGrid,
         seen: Option<[Vec<bool>; 2]>,
     ) -> Result<Self, SetupError> {
-        let grid = FacetGrid::new(&doorway, &settings.grid)?;
-        let foot = edge_foot_mask(&patch);
-        let excluded = |side: Side, k: usize| {
-            let point = patch.point(&doorway, side, k / patch.size, k % patch.size);
-            settings.patch.exclude.iter().any(|corners| lies_between(corners, point))
-        };
-        let mut counted: [Vec<bool>; 2] = match seen {
-            None => [foot.clone(), foot],
-            Some(seen) => seen.map(|side| side.iter().zip(&foot).map(|(&s, &f)| s && f).collect()),
-        };
-        for (counted, side) in counted.iter_mut().zip(Side::BOTH) {
-            counted.iter_mut().enumerate().for_each(|(k, counts)| *counts &= !excluded(side, k));
-            let count = counted.iter().filter(|&&c| c).count();
-            if count < LEAST_PIXELS {
-                return Err(SetupError::PatchExcluded { side: side.name(), count, least: LEAST_PIXELS });
-            }
-        }
+        let (grid, counted) = Self::layout(settings, &doorway, &patch, seen)?;
         let spec = TransportSpec { kernel: settings.kernel, facet_height_m: settings.facet_height_m, patch };
         let neighbourhood = Neighbourhood::new(&doorway, &grid, PI / settings.grid.intervals as f64);
         Ok(Self {
@@ -150,6 +120,47 @@ impl Model {
             brightness: settings.brightness,
             grid,
         })
+    }
+
+    /// Checks what [`Self::new`] would refuse, without the work of building a model.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    pub fn check(
+        settings: &Settings,
+        doorway: &Doorway,
+        patch: &PatchGrid,
+        seen: Option<[Vec<bool>; 2]>,
+    ) -> Result<(), SetupError> {
+        Self::layout(settings, doorway, patch, seen).map(drop)
+    }
+
+    /// The facets, and per side which pixels count.
+    fn layout(
+        settings: &Settings,
+        doorway: &Doorway,
+        patch: &PatchGrid,
+        seen: Option<[Vec<bool>; 2]>,
+    ) -> Result<(FacetGrid, [Vec<bool>; 2]), SetupError> {
+        let grid = FacetGrid::new(doorway, &settings.grid)?;
+        let foot = edge_foot_mask(patch);
+        let excluded = |side: Side, k: usize| {
+            let point = patch.point(doorway, side, k / patch.size, k % patch.size);
+            settings.patch.exclude.iter().any(|corners| lies_between(corners, point))
+        };
+        let mut counted: [Vec<bool>; 2] = match seen {
+            None => [foot.clone(), foot],
+            Some(seen) => seen.map(|side| side.iter().zip(&foot).map(|(&s, &f)| s && f).collect()),
+        };
+        for (counted, side) in counted.iter_mut().zip(Side::BOTH) {
+            counted.iter_mut().enumerate().for_each(|(k, counts)| *counts &= !excluded(side, k));
+            let count = counted.iter().filter(|&&c| c).count();
+            if count < LEAST_PIXELS {
+                return Err(SetupError::PatchExcluded { side: side.name(), count, least: LEAST_PIXELS });
+            }
+        }
+        Ok((grid, counted))
     }
 
     /// A_L and A_R, calculated anew each time: they are by far the largest data here and only needed to build a

@@ -62,14 +62,11 @@ impl FrameReader {
     pub fn for_calibration(settings: &Settings, calibration: &Calibration) -> Result<Self, SetupError> {
         let patch = Model::patch_grid(settings, None);
         let [width, height] = calibration.size;
-        let camera = CameraRectifier::new(&calibration.doorway, &patch, &calibration.camera()?, (width, height));
-        for (side, seen) in Side::BOTH.into_iter().zip(camera.visible()) {
-            let count = seen.iter().filter(|&&s| s).count();
-            if 2 * count < seen.len() {
-                let (side, all, fov_m) = (side.name(), seen.len(), patch.fov_m);
-                return Err(SetupError::PatchNotSeen { side, seen: count, all, fov_m });
-            }
+        let fitted = calibration.camera()?;
+        if let Some(unseen) = calibration.unseen(&patch, &calibration.patch_sights(&patch, &fitted)).next() {
+            return Err(unseen.into());
         }
+        let camera = CameraRectifier::new(&calibration.doorway, &patch, &fitted, (width, height));
         let rows = camera.rows();
         Ok(Self::new(settings, calibration.transfer(), Rectifier::Camera(camera, rows), patch))
     }

@@ -408,7 +408,7 @@ mod tests {
             with("\"fps\": 5", "\"fps\": 0"),
             "DIR/recording.json: fps is 0, expected a number of frames a second above 0"
         );
-        assert_eq!(with("0.9", "-1"), "DIR/recording.json: doorway.width_m is -1, expected a length in metres above 0");
+        assert_eq!(with("0.9", "-1"), "DIR/recording.json: doorway.width_m is -1, expected 0.05 to 10 metres");
         assert_eq!(
             with("0.9", "\"wide\""),
             "DIR/recording.json: doorway.width_m: invalid type: string \"wide\", expected f64 at line 2 column 37"

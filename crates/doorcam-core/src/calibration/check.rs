@@ -2,8 +2,10 @@
 
 use serde::Serialize;
 
-use crate::calibration::footprint::seen_whole;
-use crate::calibration::{ASSUMED_NOISE_PX, Accuracy, Calibration, FloorFit, Overlay};
+use crate::calibration::values::AREA_PX;
+use crate::calibration::{
+    ASSUMED_NOISE_PX, Accuracy, Calibration, CalibrationError, Camera, FloorFit, Overlay, PatchSight,
+};
 use crate::geometry::{Doorway, Point, Side};
 use crate::transport::PatchGrid;
 
@@ -15,6 +17,8 @@ pub struct Check {
     pub ok: bool,
     /// Why it cannot be used: messages that name the key at fault.
     pub errors: Vec<String>,
+    /// What is possible but unusual: messages that name the key in doubt.
+    pub warnings: Vec<String>,
     /// Residual of each floor point; empty if no camera fits.
     pub points: Vec<PointResidual>,
     /// Errors of the points and their effect on the patches; none if no camera fits.
@@ -81,7 +85,11 @@ impl Calibration {
         let doorway = self.doorway.validate();
         check.errors.extend(doorway.as_ref().err().map(ToString::to_string));
         check.errors.extend(self.transfer().validate().err().map(|e| e.to_string()));
-        match self.lens_map() {
+        check.warnings.extend(doorway.is_ok().then(|| self.doorway.doubt()).flatten());
+        let lens = self.lens_map();
+        // A size that is wrong makes every pixel look wrong.
+        let lens = lens.and_then(|lens| self.points_in_range().map(|()| lens));
+        match lens {
             Err(error) => check.errors.push(error.to_string()),
             Ok(lens) => match FloorFit::new(&self.floor_points, lens.as_ref()) {
                 Err(error) => {
@@ -94,7 +102,10 @@ impl Calibration {
                     check.error = Some(PointErrors::of(&fit, doorway.is_ok().then_some((&self.doorway, patch))));
                     if doorway.is_ok() {
                         check.overlay = Overlay::new(fit.camera(), self.size, &self.doorway, patch);
-                        check.look_for_patches(&fit, self, patch);
+                        let sights = self.patch_sights(patch, fit.camera());
+                        let [left, right] = [0, 1].map(|s| sights[s].share());
+                        check.seen = PatchCoverage { left, right };
+                        check.errors.extend(self.unseen(patch, &sights).map(|e| e.to_string()));
                     }
                 }
             },
@@ -102,25 +113,26 @@ impl Calibration {
         check.ok = check.errors.is_empty();
         check
     }
-}
 
-impl Check {
-    fn look_for_patches(&mut self, fit: &FloorFit, calibration: &Calibration, patch: &PatchGrid) {
-        let [width, height] = calibration.size;
-        let share = |side| {
-            let seen = seen_whole(&calibration.doorway, patch, side, fit.camera(), (width, height));
-            seen.iter().filter(|&&s| s).count() as f64 / patch.pixels().max(1) as f64
-        };
-        self.seen = PatchCoverage { left: share(Side::Left), right: share(Side::Right) };
-        for (name, share) in [("left", self.seen.left), ("right", self.seen.right)] {
+    /// How `camera`, fitted to this calibration, sees the left and the right patch.
+    pub fn patch_sights(&self, patch: &PatchGrid, camera: &Camera) -> [PatchSight; 2] {
+        Side::BOTH.map(|side| PatchSight::new(&self.doorway, patch, side, camera, self.size))
+    }
+
+    /// Why the patches cannot be measured in the image: what [`Self::check`] says of each. Empty if they can.
+    pub fn unseen<'a>(
+        &self,
+        patch: &PatchGrid,
+        sights: &'a [PatchSight; 2],
+    ) -> impl Iterator<Item = CalibrationError> + use<'a> {
+        let fov_m = patch.fov_m;
+        Side::BOTH.into_iter().zip(sights).filter_map(move |(side, sight)| {
+            let (side, share, area_px) = (side.name(), sight.share(), sight.area_px);
             if share < LEAST_SEEN {
-                self.errors.push(format!(
-                    "patch.fov_m is {}: the camera sees {:.0} % of the {name} patch, expected at least half",
-                    patch.fov_m,
-                    100.0 * share
-                ));
+                return Some(CalibrationError::PatchNotSeen { side, share, fov_m });
             }
-        }
+            (!AREA_PX.contains(&area_px)).then_some(CalibrationError::PatchArea { side, area_px, fov_m })
+        })
     }
 }
 

@@ -192,13 +192,14 @@ struct Suspect {
 }
 
 impl Suspect {
-    /// `None` with fewer than six points: four of five always agree exactly.
+    /// `None` with fewer than six points: four of five always agree exactly. `None` too with so many that the search
+    /// would take seconds.
     fn find(points: &[FloorPoint], lens: Option<&LensMap>) -> Option<Self> {
         let without = |index: usize| {
             let others: Vec<_> = points.iter().enumerate().filter(|&(k, _)| k != index).map(|(_, p)| *p).collect();
             FloorFit::new(&others, lens).ok().map(|fit| (index, fit))
         };
-        if points.len() < 6 {
+        if !(6..=MOST_POINTS).contains(&points.len()) {
             return None;
         }
         let (index, fit) = (0..points.len()).filter_map(without).min_by(|a, b| a.1.cost().total_cmp(&b.1.cost()))?;

@@ -35,27 +35,48 @@ pub(crate) fn footprints(
     shares.into_iter().map(|shares| view.footprint(&plan, &shares)).collect()
 }
 
-/// For each pixel of a patch, whether the image shows the whole of its square.
-pub(super) fn seen_whole(
-    doorway: &Doorway,
-    patch: &PatchGrid,
-    side: Side,
-    camera: &Camera,
-    (width, height): (usize, usize),
-) -> Vec<bool> {
-    let plan = Plan::new(doorway, patch, side);
-    let n = plan.size;
-    let within = |at: f64, size: usize| (-0.5..=size as f64 - 0.5).contains(&at);
-    let corner = |k: usize| {
-        let seen = camera.project(plan.floor([(k % (n + 1)) as f64, (k / (n + 1)) as f64]));
-        seen.is_some_and(|[u, v]| within(u, width) && within(v, height))
-    };
-    let corners: Vec<bool> = (0..(n + 1) * (n + 1)).map(corner).collect();
-    let whole = |k: usize| {
-        let first = k / n * (n + 1) + k % n;
-        [first, first + 1, first + n + 1, first + n + 2].iter().all(|&c| corners[c])
-    };
-    (0..patch.pixels()).map(whole).collect()
+/// How a camera sees a patch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PatchSight {
+    /// For each pixel of the patch, whether the image shows the whole of its square.
+    pub whole: Vec<bool>,
+    /// Pixels of the image in the upright rectangle around what it shows of the patch: as many as are looked at to read
+    /// the patch.
+    pub area_px: f64,
+}
+
+impl PatchSight {
+    /// How `camera` sees a patch in images of `size` (width, height) pixels. Takes a projection for each of the patch's
+    /// pixels, however large the image is.
+    pub fn new(doorway: &Doorway, patch: &PatchGrid, side: Side, camera: &Camera, [width, height]: [usize; 2]) -> Self {
+        let plan = Plan::new(doorway, patch, side);
+        let n = plan.size;
+        let corners: Vec<Option<Point>> = plan.corners(camera).collect();
+        let within = |at: f64, size: usize| (-0.5..=size as f64 - 0.5).contains(&at);
+        let shown = |c: usize| corners[c].is_some_and(|[u, v]| within(u, width) && within(v, height));
+        let whole = |k: usize| {
+            let first = k / n * (n + 1) + k % n;
+            [first, first + 1, first + n + 1, first + n + 2].into_iter().all(shown)
+        };
+        let (low, high) = span(corners.iter().copied().flatten());
+        let length = |c: usize, size: usize| {
+            let within = |at: f64| at.clamp(-0.5, size as f64 - 0.5);
+            (within(high[c]) - within(low[c])).max(0.0)
+        };
+        Self { whole: (0..patch.pixels()).map(whole).collect(), area_px: length(0, width) * length(1, height) }
+    }
+
+    /// Fraction of the patch that the image shows.
+    pub fn share(&self) -> f64 {
+        self.whole.iter().filter(|&&whole| whole).count() as f64 / self.whole.len().max(1) as f64
+    }
+}
+
+/// Smallest and largest coordinates of some points.
+fn span(points: impl Iterator<Item = Point>) -> (Point, Point) {
+    points.fold(([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]), |(low, high), p| {
+        ([0, 1].map(|c| p[c].min(low[c])), [0, 1].map(|c| p[c].max(high[c])))
+    })
 }
 
 /// Floor coordinates of a patch in units of its pixels: (column, row) from its corner at the wall with the smallest x.
@@ -83,6 +104,12 @@ impl Plan {
 
     fn floor(&self, [column, row]: Point) -> Point {
         [self.corner[0] + column * self.cell, self.corner[1] - row * self.cell]
+    }
+
+    /// Where a camera sees the corners of the patch's pixels, row by row; `None` where it does not.
+    fn corners(&self, camera: &Camera) -> impl Iterator<Item = Option<Point>> {
+        let n = self.size + 1;
+        (0..n * n).map(move |k| camera.project(self.floor([(k % n) as f64, (k / n) as f64])))
     }
 
     fn cells(&self, floor: Point) -> Point {
@@ -124,11 +151,7 @@ struct View<'a> {
 impl<'a> View<'a> {
     fn new(plan: &Plan, camera: &'a Camera, (width, height): (usize, usize)) -> Self {
         let size = [width, height];
-        let n = plan.size + 1;
-        let seen = (0..n * n).filter_map(|k| camera.project(plan.floor([(k % n) as f64, (k / n) as f64])));
-        let (low, high) = seen.fold(([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]), |(low, high), p| {
-            ([0, 1].map(|c| p[c].min(low[c])), [0, 1].map(|c| p[c].max(high[c])))
-        });
+        let (low, high) = span(plan.corners(camera).flatten());
         // One extra pixel, because the lens may bend the outline.
         let limit = |at: f64, c: usize| at.clamp(0.0, size[c] as f64) as usize;
         let from = [0, 1].map(|c| limit((low[c] - 1.5).floor(), c));
@@ -356,7 +379,7 @@ mod tests {
             let (camera, image) = camera(height, back, turn, width, k1);
             for side in Side::BOTH {
                 let footprints = footprints(&DOORWAY, &patch(size), side, &camera, image);
-                let seen = seen_whole(&DOORWAY, &patch(size), side, &camera, image);
+                let seen = PatchSight::new(&DOORWAY, &patch(size), side, &camera, [image.0, image.1]).whole;
                 for (k, (footprint, seen)) in footprints.iter().zip(seen).enumerate() {
                     // Squares that end at the image's border, to a fiftieth of a pixel, may count as seen or not.
                     if from_border(&camera, image, side, size, k) > 0.02 {

@@ -1,21 +1,29 @@
 //! Radial lens distortion and its inverse.
 
+use std::ops::RangeInclusive;
+
 use crate::geometry::Point;
 use crate::optics::Lens;
+
+/// Coefficients that a lens can have: far more than fisheyes have, for focal lengths that are given too large.
+const COEFFICIENT: RangeInclusive<f64> = -1e3..=1e3;
+
+/// Focal lengths that a lens can have, in pixels.
+const FOCAL_PX: RangeInclusive<f64> = 1.0..=1e6;
 
 /// A distortion that cannot be inverted. The message names the key and says what was expected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LensError {
-    /// A coefficient that is not a number.
-    #[error("lens.{key} is {value}, expected a finite number")]
-    NotFinite {
+    /// A coefficient that no lens has.
+    #[error("lens.{key} is {value}, expected {} to {}", COEFFICIENT.start(), COEFFICIENT.end())]
+    Coefficient {
         /// The key.
         key: &'static str,
         /// The value.
         value: f64,
     },
-    /// A focal length that is not positive.
-    #[error("lens.focal_px is {0}, expected a number of pixels above 0")]
+    /// A focal length that no lens has.
+    #[error("lens.focal_px is {0}, expected {least} to {most} pixels", least = FOCAL_PX.start(), most = FOCAL_PX.end())]
     Focal(f64),
     /// The distortion folds back within the image: two ideal positions would be seen at the same pixel.
     #[error(
@@ -51,17 +59,17 @@ impl LensMap {
     ///
     /// # Errors
     ///
-    /// If a coefficient is not finite, the focal length is not positive, or the distortion folds back within the image.
+    /// If a coefficient or the focal length is out of range, or the distortion folds back within the image.
     pub fn new(lens: &Lens, size: [usize; 2]) -> Result<Self, LensError> {
         let Lens { k1, k2, focal_px } = *lens;
         for (key, value) in [("k1", k1), ("k2", k2)] {
-            if !value.is_finite() {
-                return Err(LensError::NotFinite { key, value });
+            if !COEFFICIENT.contains(&value) {
+                return Err(LensError::Coefficient { key, value });
             }
         }
         let [width, height] = size.map(|n| n as f64);
         let focal = focal_px.unwrap_or(width);
-        if !(focal.is_finite() && focal > 0.0) {
+        if !FOCAL_PX.contains(&focal) {
             return Err(LensError::Focal(focal));
         }
         let centre = [(width - 1.0) / 2.0, (height - 1.0) / 2.0];

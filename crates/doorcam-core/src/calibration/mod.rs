@@ -16,6 +16,7 @@ pub use accuracy::Accuracy;
 pub use camera::Camera;
 pub use check::{Check, PatchCoverage, PointErrors, PointResidual};
 pub use fit::{ASSUMED_NOISE_PX, FloorFit};
+pub use footprint::PatchSight;
 pub(crate) use footprint::{Footprint, footprints};
 pub use homography::{Homography, HomographyError};
 pub use lens::{LensError, LensMap};

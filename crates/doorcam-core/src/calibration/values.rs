@@ -1,10 +1,14 @@
 //! The values that determine a camera over a doorway.
 
+use std::ops::RangeInclusive;
+
 use serde::de::{Error, Unexpected};
 use serde::{Deserialize, Deserializer, Serialize};
 
+use crate::calibration::homography::MOST_POINTS;
 use crate::calibration::{Camera, FloorFit, HomographyError, LensError, LensMap};
-use crate::geometry::{Doorway, GeometryError};
+use crate::geometry::{Doorway, GeometryError, unit_hint};
+use crate::image::MOST_PIXELS;
 use crate::optics::{FloorPoint, Lens, Transfer, TransferError};
 
 /// Calibration of a camera over a doorway, with the keys of a recording's manifest. Unknown keys are ignored.
@@ -32,8 +36,59 @@ pub struct Calibration {
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
     /// A size that no image can have.
-    #[error("size is [{}, {}], expected [width, height] in pixels, each from 1 to {LARGEST_SIDE}", .0[0], .0[1])]
+    #[error(
+        "size is [{}, {}], expected [width, height] in pixels, each from 1 to {LARGEST_SIDE} and together at most \
+         {MOST_PIXELS} pixels", .0[0], .0[1]
+    )]
     Size([usize; 2]),
+    /// A marked pixel that is not in the image or beside it. Points are counted from 1.
+    #[error(
+        "floor_points: point {point} is at pixel [{}, {}], expected a position in or near the image of {} x {} pixels",
+        .pixel[0], .pixel[1], .size[0], .size[1]
+    )]
+    FarPixel {
+        /// Number of the point.
+        point: usize,
+        /// The marked position.
+        pixel: [f64; 2],
+        /// Size of the image.
+        size: [usize; 2],
+    },
+    /// A place too far from the doorway. Points are counted from 1.
+    #[error(
+        "floor_points: point {point} has floor_m {value}, expected metres within {FARTHEST_M} of the doorway{hint}",
+        hint = unit_hint(*.value, FARTHEST_M)
+    )]
+    FarFloor {
+        /// Number of the point.
+        point: usize,
+        /// The coordinate.
+        value: f64,
+    },
+    /// The image shows too little of a patch.
+    #[error("patch.fov_m is {fov_m}: the camera sees {:.0} % of the {side} patch, expected at least half", 100.0 * share)]
+    PatchNotSeen {
+        /// Which patch.
+        side: &'static str,
+        /// Fraction of the patch that the image shows.
+        share: f64,
+        /// Side of the patch, in metres.
+        fov_m: f64,
+    },
+    /// A patch covers too few or too many pixels of the image.
+    #[error(
+        "the {side} patch (patch.fov_m is {fov_m}) covers {area_px:.0} pixels of the image, expected {} to {}: {}",
+        AREA_PX.start(), AREA_PX.end(),
+        if *area_px < *AREA_PX.start() { "are doorway and floor_points in metres?" } else { "use smaller images" }
+    )]
+    PatchArea {
+        /// Which patch.
+        side: &'static str,
+        /// Pixels of the image that it covers.
+        area_px: f64,
+        /// Side of the patch, in metres.
+        fov_m: f64,
+    },
     /// Dimensions that no doorway can have.
     #[error(transparent)]
     Doorway(#[from] GeometryError),
@@ -48,8 +103,14 @@ pub enum CalibrationError {
     FloorPoints(#[from] HomographyError),
 }
 
-/// No camera delivers images with longer sides than this.
+/// No camera delivers images with longer sides than this: JPEGs cannot be larger.
 const LARGEST_SIDE: usize = 65_535;
+
+/// Floor farther from the doorway than this helps nobody, in metres.
+const FARTHEST_M: f64 = 20.0;
+
+/// How many pixels of the image a patch may cover: enough to measure with, and not more than are read with every frame.
+pub(super) const AREA_PX: RangeInclusive<f64> = 64.0..=2e6;
 
 /// Reads two whole numbers. 640.0 counts as one, because JSON makes no difference.
 fn whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[usize; 2], D::Error> {
@@ -68,14 +129,46 @@ impl Calibration {
         self.transfer.as_ref().unwrap_or(&Transfer::Srgb)
     }
 
+    /// Checks each value by itself, at a cost that hardly grows with what is in it.
+    ///
+    /// # Errors
+    ///
+    /// If there are too many floor points, or a value is out of range.
+    pub fn validate(&self) -> Result<(), CalibrationError> {
+        self.doorway.validate()?;
+        self.transfer().validate()?;
+        self.lens_map()?;
+        self.points_in_range()
+    }
+
+    /// Checks the number of floor points, and each by itself.
+    pub(super) fn points_in_range(&self) -> Result<(), CalibrationError> {
+        if self.floor_points.len() > MOST_POINTS {
+            return Err(HomographyError::TooMany(self.floor_points.len()).into());
+        }
+        for (point, FloorPoint { pixel, floor_m }) in (1..).zip(&self.floor_points) {
+            if pixel.iter().chain(floor_m).any(|v| !v.is_finite()) {
+                return Err(HomographyError::NotFinite(point).into());
+            }
+            if let Some(&value) = floor_m.iter().find(|v| v.abs() > FARTHEST_M) {
+                return Err(CalibrationError::FarFloor { point, value });
+            }
+            // A point beside the image can be known from a larger one, as with a recording that was cropped.
+            let near = |at: f64, size: usize| (-(size as f64)..=2.0 * size as f64).contains(&at);
+            if !(0..2).all(|c| near(pixel[c], self.size[c])) {
+                return Err(CalibrationError::FarPixel { point, pixel: *pixel, size: self.size });
+            }
+        }
+        Ok(())
+    }
+
     /// Fits the camera to the floor points.
     ///
     /// # Errors
     ///
     /// If a value is not valid, or if the floor points do not determine a camera or contradict each other.
     pub fn camera(&self) -> Result<Camera, CalibrationError> {
-        self.doorway.validate()?;
-        self.transfer().validate()?;
+        self.validate()?;
         let lens = self.lens_map()?;
         let fit = FloorFit::new(&self.floor_points, lens.as_ref());
         let fit = fit.map_err(|e| FloorFit::culprit(&self.floor_points, lens.as_ref()).unwrap_or(e))?;
@@ -84,7 +177,9 @@ impl Calibration {
 
     /// The lens distortion, if any.
     pub(super) fn lens_map(&self) -> Result<Option<LensMap>, CalibrationError> {
-        if self.size.iter().any(|n| !(1..=LARGEST_SIDE).contains(n)) {
+        let [width, height] = self.size;
+        let possible = |n: usize| (1..=LARGEST_SIDE).contains(&n);
+        if !(possible(width) && possible(height) && width * height <= MOST_PIXELS) {
             return Err(CalibrationError::Size(self.size));
         }
         Ok(self.lens.map(|lens| LensMap::new(&lens, self.size)).transpose()?)
@@ -138,8 +233,16 @@ mod tests {
         };
         assert_eq!(
             error(|c| c.size = [0, 3]),
-            "size is [0, 3], expected [width, height] in pixels, each from 1 to 65535"
+            "size is [0, 3], expected [width, height] in pixels, each from 1 to 65535 and together at most 33177600 \
+             pixels"
         );
+        assert!(error(|c| c.size = [65_535, 65_535]).starts_with("size is [65535, 65535], expected"));
+        let centimetres = error(|c| c.floor_points.iter_mut().for_each(|p| p.floor_m = p.floor_m.map(|v| 100.0 * v)));
+        assert!(centimetres.ends_with("within 20 of the doorway (is it in centimetres or inches?)"), "{centimetres}");
+        let far = error(|c| c.floor_points[1].pixel[0] = 1e9);
+        assert!(far.starts_with("floor_points: point 2 is at pixel [1000000000, 20], expected a position in"), "{far}");
+        let many = error(|c| c.floor_points = vec![c.floor_points[0]; 100_000]);
+        assert_eq!(many, "floor_points has 100000 points, expected at most 64");
         assert!(error(|c| c.doorway.width_m = -1.0).starts_with("doorway.width_m is -1"));
         assert!(error(|c| c.transfer = Some(Transfer::Gamma(0.0))).starts_with("transfer.gamma is 0"));
         assert!(error(|c| c.lens = Some(Lens { k1: -9.0, k2: 0.0, focal_px: None })).starts_with("lens.k1 = -9"));

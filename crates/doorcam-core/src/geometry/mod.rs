@@ -9,6 +9,7 @@ mod doorway;
 mod grid;
 
 pub use biangular::Biangular;
+pub(crate) use doorway::unit_hint;
 pub use doorway::{Doorway, Side};
 pub use grid::{Facet, FacetGrid, GridSpec, Room};
 

@@ -402,7 +402,7 @@ impl Keeper {
         if moved || self.timers.built >= self.settings.rebuild_s {
             self.timers.built = 0.0;
             let (model, snapshot) = (reconstructor.model().clone(), rolling.snapshot());
-            self.rebuilding = Some(Job::start(self.work, "background", move || {
+            self.rebuilding = Some(Job::in_turn(self.work, "background", move || {
                 let background = snapshot.background();
                 let nothing = PatchPair::zeros(model.patch.size);
                 Prepared::new(&model, &background, &nothing)
@@ -423,7 +423,7 @@ impl Keeper {
 /// Builds the problem for a background to which `frame` belongs.
 fn prepare(work: Work, background: Background, frame: PatchPair, reconstructor: &Reconstructor) -> Job<Prepared> {
     let model = reconstructor.model().clone();
-    Job::start(work, "background", move || {
+    Job::in_turn(work, "background", move || {
         let mut difference = PatchPair::zeros(model.patch.size);
         background.difference(&frame, &mut difference);
         Prepared::new(&model, &background, &difference)

@@ -53,7 +53,7 @@ impl BackgroundStore {
                 return;
             }
             // A save in place is the last one: it waits, so that an older one cannot overwrite it.
-            Some(Err(Job::Running(handle))) => drop(handle.join()),
+            Some(Err(running)) => drop(running.wait()),
             _ => {}
         }
         let (path, fingerprint) = (self.path.clone(), self.fingerprint(model));

@@ -163,7 +163,7 @@ mod tests {
     #[test]
     fn what_is_wrong_is_named_by_key_with_what_was_expected() {
         assert_eq!(error("fps = 5", "fps = 0"), "fps is 0, expected frames a second from 0.1 to 240");
-        assert_eq!(error("0.8\n", "-1\n"), "doorway.width_m is -1, expected a length in metres above 0");
+        assert_eq!(error("0.8\n", "-1\n"), "doorway.width_m is -1, expected 0.05 to 10 metres");
         assert_eq!(
             error("left = [0.6,", "left = [1.6,"),
             "room.albedo.left is [1.6, 0.3, 0.3], expected red, green and blue from 0 to 1"
