@@ -116,11 +116,15 @@ fn odd_times(random: &mut ChaCha8Rng, frames: usize) -> String {
 
 #[test]
 fn extreme_recordings_end_with_a_result_or_one_line_that_names_the_file() {
-    let sound = camera_recording(6);
-    let manifest: Value = serde_json::from_slice(&fs::read(sound.path().join("recording.json")).unwrap()).unwrap();
-    let target = json!({"id": 1, "x_m": 0.2, "y_m": 1.0, "radius_m": 0.2, "rgb": [0.1, 0.1, 0.1]});
-    let frame = |k: usize| json!({"index": k, "t": 0.1 * k as f64, "targets": [target, target]});
-    let truth = json!({"frames": (0..6).map(frame).collect::<Vec<_>>()});
+    let sound = tempfile::tempdir().unwrap();
+    let directory = sound.path().join("room");
+    let directory = directory.to_str().unwrap();
+    let made = run(&["simulate", "tests/rooms/busy.toml", directory, "--frames", "24"]);
+    assert!(made.status.success(), "{}", stderr(&made));
+    let path = |name: &str| format!("{directory}/{name}");
+    let read = |name: &str| serde_json::from_slice::<Value>(&fs::read(path(name)).unwrap()).unwrap();
+    let (manifest, truth) = (read("recording.json"), read("truth.json"));
+    assert!(run(&["evaluate", directory]).status.success());
     let mut random = ChaCha8Rng::seed_from_u64(18);
     let rounds = if std::env::var_os("DOORCAM_TEST_FULL").is_some() { 240 } else { 24 };
     let mut refused = 0;
@@ -130,15 +134,13 @@ fn extreme_recordings_end_with_a_result_or_one_line_that_names_the_file() {
         match round % 3 {
             0 => distort(&mut manifest, &mut random),
             1 => distort(&mut truth, &mut random),
-            _ => times = Some(odd_times(&mut random, 6)),
+            _ => times = Some(odd_times(&mut random, 24)),
         }
-        fs::write(sound.path().join("recording.json"), manifest.to_string()).unwrap();
-        fs::write(sound.path().join("truth.json"), truth.to_string()).unwrap();
-        let stamps = sound.path().join("timestamps.csv");
+        fs::write(path("recording.json"), manifest.to_string()).unwrap();
+        fs::write(path("truth.json"), truth.to_string()).unwrap();
         // The file may be left over from the round before.
-        let _ = fs::remove_file(&stamps);
-        times.iter().for_each(|times| fs::write(&stamps, times).unwrap());
-        let directory = sound.path().to_str().unwrap();
+        let _ = fs::remove_file(path("timestamps.csv"));
+        times.iter().for_each(|times| fs::write(path("timestamps.csv"), times).unwrap());
         let out = run(&["evaluate", directory, "--json"]);
         let told = || format!("{manifest:.1500}\n{truth:.1500}\n{times:?}\n{}", stderr(&out));
         let last = stderr(&out).lines().last().unwrap_or_default().to_owned();
