@@ -16,6 +16,7 @@
 //! | [`history`] | keeps events and occupancy in an SQLite file |
 //! | [`publish`] | notifies other systems: MQTT, Home Assistant, webhooks |
 //! | [`server`] | the page, the REST API and the live socket, with access control and TLS |
+//! | [`text`] | text from outside, made safe for a line of the log |
 //!
 //! # Conventions
 //!
@@ -73,4 +74,5 @@ pub mod feed;
 pub mod history;
 pub mod publish;
 pub mod server;
+pub mod text;
 pub mod watch;

@@ -1,5 +1,6 @@
 use std::io::Write;
 
+use doorcam::text::one_line;
 use doorcam_source::v4l2::{CameraReport, ControlReport, FormatReport, SizeReport, cameras};
 
 /// List the cameras of this machine with their formats and controls
@@ -32,7 +33,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         if k > 0 {
             writeln!(out)?;
         }
-        write_camera(&mut out, camera)?;
+        let mut text = Vec::new();
+        write_camera(&mut text, camera)?;
+        // Cameras name themselves and their controls.
+        for line in String::from_utf8_lossy(&text).split_terminator('\n') {
+            writeln!(out, "{}", one_line(line))?;
+        }
     }
     Ok(())
 }

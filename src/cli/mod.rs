@@ -27,6 +27,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use doorcam::config::{Config, Preset, parse_lambda};
+use doorcam::text::one_line;
 use doorcam_core::solver::ModelKind;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -150,7 +151,7 @@ pub(crate) fn run() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("doorcam: {error:#}");
+            eprintln!("doorcam: {}", one_line(&format!("{error:#}")));
             ExitCode::from(1)
         }
     }

@@ -8,6 +8,7 @@ use doorcam::feed::{Feed, SourceKind, SourceSpec};
 use doorcam::history::{History, Kept, Numbers};
 use doorcam::publish::Publishers;
 use doorcam::server::{Access, Backend, Server, Tls};
+use doorcam::text::one_line;
 use doorcam::watch::{CalibrationStore, Calibrator, Hub, Keeping, Recordings, ZoneKeeper, ZoneOrigin, start};
 use doorcam_core::calibration::Calibration;
 use doorcam_engine::{Assembly, Engine, Work};
@@ -255,7 +256,7 @@ fn serve(
         };
         let watching = format!("watching {spec}: the page is at {}", server.url());
         tracing::info!("{watching}");
-        service::ready(&watching);
+        service::ready(&one_line(&watching));
         tokio::spawn(service::feed_watchdog(Arc::clone(&hub)));
         server
             .serve(

@@ -91,7 +91,7 @@ pub fn check_zones(zones: &[Zone]) -> Result<(), ConfigError> {
     }
     for (k, zone) in zones.iter().enumerate() {
         let Zone { name, .. } = zone;
-        if name.trim().is_empty() || name.chars().count() > LONGEST_NAME || name.chars().any(char::is_control) {
+        if name.trim().is_empty() || name.chars().count() > LONGEST_NAME || name.chars().any(crate::text::is_control) {
             let what =
                 format!("zones: the name of zone {} is {name:?}, expected 1 to {LONGEST_NAME} characters", k + 1);
             return Err(ConfigError(what));

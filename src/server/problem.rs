@@ -6,6 +6,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use utoipa::ToSchema;
 
+use crate::text::one_line;
+
 /// An error in the form of RFC 9457 (application/problem+json).
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Problem)]
@@ -20,7 +22,11 @@ pub(super) struct ProblemDetails {
 
 impl ProblemDetails {
     pub(super) fn new(status: StatusCode, detail: &str) -> Self {
-        Self { title: status.canonical_reason().unwrap_or("Error"), status: status.as_u16(), detail: detail.into() }
+        Self {
+            title: status.canonical_reason().unwrap_or("Error"),
+            status: status.as_u16(),
+            detail: one_line(detail).into(),
+        }
     }
 
     /// Parses the JSON body of a request. The problem names the key and what was expected.
