@@ -13,6 +13,7 @@ mod listening;
 mod log;
 mod man;
 mod memory;
+mod process;
 mod reconstruct;
 mod record;
 mod reload;
@@ -128,15 +129,20 @@ pub(crate) fn run() -> ExitCode {
     let result = match arguments.command {
         Command::Demo(arguments) => {
             memory::hand_back();
-            demo::run(&arguments)
+            process::keep_private();
+            process::need_files().and_then(|()| demo::run(&arguments))
         }
         Command::Serve(arguments) => {
             memory::hand_back();
-            serve::run(&arguments)
+            process::keep_private();
+            process::need_files().and_then(|()| serve::run(&arguments))
         }
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
-        Command::Record(arguments) => record::run(&arguments),
+        Command::Record(arguments) => {
+            process::keep_private();
+            process::need_files().and_then(|()| record::run(&arguments))
+        }
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         #[cfg(feature = "v4l2")]

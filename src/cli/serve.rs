@@ -3,7 +3,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use doorcam::config::Config;
+use doorcam::config::{Config, ServerConfig};
 use doorcam::feed::{Feed, SourceKind, SourceSpec};
 use doorcam::history::{History, Kept, Numbers};
 use doorcam::publish::Publishers;
@@ -18,7 +18,7 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use super::listening::ListenOptions;
 use super::reload::Reloader;
-use super::{ModelOptions, manifest_of, service, source_help};
+use super::{ModelOptions, manifest_of, process, service, source_help};
 
 /// Watch a doorway and show the hidden room live, on a page and over REST and WebSocket
 #[derive(Debug, clap::Args)]
@@ -214,7 +214,9 @@ fn serve(
     let recordings = Arc::new(Recordings::new(recordings, manifest, Arc::clone(&hub)));
     let runtime = tokio::runtime::Runtime::new().context("cannot start the server's threads")?;
     let served = runtime.block_on(async {
-        let server = Server::bind(&config.server, access, tls).await?;
+        let max_connections = process::connections(config.server.max_connections);
+        let listening = ServerConfig { max_connections, ..config.server.clone() };
+        let server = Server::bind(&listening, access, tls).await?;
         let mut interrupt = signal(SignalKind::interrupt())?;
         let mut terminate = signal(SignalKind::terminate())?;
         let mut hangup = signal(SignalKind::hangup())?;

@@ -28,6 +28,7 @@ mod openapi;
 mod operations;
 mod page;
 mod people;
+mod process_limits;
 mod record;
 mod reference_authors;
 mod reference_iteration;
