@@ -80,7 +80,9 @@ fn problem(refused: &RecordingRefused) -> ProblemDetails {
     use doorcam_source::recorder::RecordError;
 
     let kind = match refused {
-        RecordingRefused::Name(_) | RecordingRefused::Seconds(..) => ProblemDetails::unprocessable,
+        RecordingRefused::Name(_) | RecordingRefused::Path { .. } | RecordingRefused::Seconds(..) => {
+            ProblemDetails::unprocessable
+        }
         RecordingRefused::NotRecording => ProblemDetails::not_found,
         RecordingRefused::Write(RecordError::Write { .. } | RecordError::Thread(_)) => ProblemDetails::internal,
         _ => ProblemDetails::conflict,

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::{fs, io};
 
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -65,8 +66,19 @@ pub enum RecordingRefused {
     #[error("the calibration is for {} x {} pixels, the camera gives {} x {}", .0[0], .0[1], .1[0], .1[1])]
     Size([usize; 2], [usize; 2]),
     /// The name cannot be used for a directory.
-    #[error("name is {0:?}, expected 1 to {LONGEST_NAME} letters, digits, spaces and -_. with no . at the start")]
+    #[error(
+        "name is {0:?}, expected 1 to {LONGEST_NAME} letters, digits, spaces and -_. ({MOST_BYTES} bytes at most) with no . \
+         at the start or end, and no name that Windows reserves"
+    )]
     Name(String),
+    /// The file system does not take the name.
+    #[error("name is {name:?}, expected a shorter one: {} takes no longer path", directory.display())]
+    Path {
+        /// The name.
+        name: String,
+        /// Where the recording would be.
+        directory: PathBuf,
+    },
     /// A length is out of range.
     #[error("{0} is {1}, expected a number of seconds {2}")]
     Seconds(&'static str, f64, String),
@@ -79,6 +91,10 @@ pub enum RecordingRefused {
 }
 
 const LONGEST_NAME: usize = 64;
+/// Most bytes of a name: what most file systems take.
+const MOST_BYTES: usize = 255;
+/// Most recordings that begin in the same second and get a name from it.
+const SAME_SECOND: usize = 100;
 
 /// Records a running source, one recording at a time, each in its own directory.
 pub struct Recordings {
@@ -138,16 +154,19 @@ impl Recordings {
             return Err(RecordingRefused::Seconds("seconds", seconds, range));
         }
         let now = Timestamp::now();
-        let name = wish.name.clone().unwrap_or_else(|| now.strftime("%Y-%m-%d %H.%M.%S UTC").to_string());
-        check_name(&name)?;
+        wish.name.as_deref().map(check_name).transpose()?;
         let plan = RecordingPlan {
             manifest: self.manifest(calibration, now)?,
             empty_seconds: (empty > 0.0).then_some(empty),
             calibrated: true,
             limits: RecordingLimits { seconds: Some(seconds), frames: None, bytes: Some(Self::MOST_BYTES) },
         };
-        let recorder = Recorder::start(&directory.join(&name), plan)?;
-        tracing::info!("recording {seconds} s into {}", directory.join(&name).display());
+        let place = make_place(directory, wish.name.as_deref(), now)?;
+        let recorder = Recorder::start(&place, plan).inspect_err(|_| {
+            // Only if nothing is in it.
+            let _ = std::fs::remove_dir(&place);
+        })?;
+        tracing::info!("recording {seconds} s into {}", place.display());
         self.hub.tap().begin(recorder);
         Ok(())
     }
@@ -208,13 +227,47 @@ impl Recordings {
     }
 }
 
+/// Makes the recording's own directory: of that name, or of the time if it has none.
+fn make_place(directory: &Path, name: Option<&str>, now: Timestamp) -> Result<PathBuf, RecordingRefused> {
+    let failed = |path: &Path, reason| RecordError::Write { path: path.to_owned(), reason };
+    fs::create_dir_all(directory).map_err(|reason| failed(directory, reason))?;
+    let time = now.strftime("%Y-%m-%d %H.%M.%S UTC").to_string();
+    let names: Vec<String> = match name {
+        Some(name) => vec![name.to_owned()],
+        None => (1..SAME_SECOND).map(|k| if k == 1 { time.clone() } else { format!("{time} {k}") }).collect(),
+    };
+    for name in &names {
+        let place = directory.join(name);
+        match fs::create_dir(&place).map_err(|e| (e.kind(), e)) {
+            Ok(()) => return Ok(place),
+            Err((io::ErrorKind::AlreadyExists, _)) => {}
+            Err((io::ErrorKind::InvalidFilename, _)) => {
+                return Err(RecordingRefused::Path { name: name.clone(), directory: directory.to_owned() });
+            }
+            Err((_, reason)) => return Err(failed(&place, reason).into()),
+        }
+    }
+    Err(RecordError::Exists(directory.join(name.unwrap_or(&time))).into())
+}
+
+/// Names that Windows, and so disks and shares that are used with it, does not take, with any extension.
+fn is_reserved(name: &str) -> bool {
+    let stem = name.split('.').next().unwrap_or_default().trim_end().to_ascii_uppercase();
+    let numbered =
+        |of: &str| stem.strip_prefix(of).is_some_and(|rest| rest.len() == 1 && rest.as_bytes()[0].is_ascii_digit());
+    matches!(stem.as_str(), "CON" | "PRN" | "AUX" | "NUL") || numbered("COM") || numbered("LPT")
+}
+
 fn check_name(name: &str) -> Result<(), RecordingRefused> {
     let fits = |c: char| c.is_alphanumeric() || " -_.".contains(c);
-    let count = name.chars().count();
-    if !(1..=LONGEST_NAME).contains(&count) || !name.chars().all(fits) || name.starts_with('.') || name.trim() != name {
-        return Err(RecordingRefused::Name(name.into()));
-    }
-    Ok(())
+    let fits = (1..=LONGEST_NAME).contains(&name.chars().count())
+        && name.len() <= MOST_BYTES
+        && name.chars().all(fits)
+        && !name.starts_with('.')
+        && !name.ends_with('.')
+        && name.trim() == name
+        && !is_reserved(name);
+    if fits { Ok(()) } else { Err(RecordingRefused::Name(name.into())) }
 }
 
 #[cfg(test)]
@@ -223,11 +276,38 @@ mod tests {
 
     #[test]
     fn a_name_stays_in_its_directory() {
-        for name in ["evening", "2026-11-25 22.37.01 UTC", "Tür_2"] {
+        for name in ["evening", "2026-11-25 22.37.01 UTC", "Tür_2", "寝室", "console", "com", "com10", &"x".repeat(64)]
+        {
             check_name(name).unwrap();
         }
-        for name in ["", ".", "..", ".hidden", "a/b", "a\\b", "a\0", " a", "a ", &"x".repeat(65)] {
+        let long = "𠀀".repeat(64);
+        for name in ["", ".", "..", ".hidden", "a/b", "a\\b", "a\0", " a", "a ", "a.", &"x".repeat(65), &long, "a\nb"]
+            .into_iter()
+            .chain(["a\u{202e}b", "con", "NUL.txt", "Com1", "lpt9.a.b", "\u{1b}[2J", "=1", "\u{2028}"])
+        {
             assert!(check_name(name).unwrap_err().to_string().contains("expected 1 to 64 letters"), "{name:?}");
         }
+    }
+
+    #[test]
+    fn each_recording_gets_a_directory_of_its_own() {
+        let directory = tempfile::tempdir().unwrap();
+        let here = directory.path().join("recordings");
+        let now = Timestamp::from_second(1_700_000_000).unwrap();
+        let name = |name: Option<&str>| {
+            let place = make_place(&here, name, now)?;
+            Ok::<_, RecordingRefused>(place.file_name().unwrap().to_str().unwrap().to_owned())
+        };
+        assert_eq!(name(Some("evening")).unwrap(), "evening");
+        fs::write(here.join("a file"), "").unwrap();
+        for taken in ["evening", "a file"] {
+            let refused = name(Some(taken)).unwrap_err();
+            assert!(matches!(refused, RecordingRefused::Write(RecordError::Exists(_))), "{refused}");
+        }
+        for expected in ["2023-11-14 22.13.20 UTC", "2023-11-14 22.13.20 UTC 2", "2023-11-14 22.13.20 UTC 3"] {
+            assert_eq!(name(None).unwrap(), expected);
+        }
+        let refused = make_place(&here, Some(&"𠀀".repeat(64)), now).unwrap_err();
+        assert!(matches!(refused, RecordingRefused::Path { .. }), "{refused}");
     }
 }

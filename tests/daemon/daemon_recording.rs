@@ -85,6 +85,13 @@ fn it_ends_when_it_is_told_to_and_when_the_daemon_ends() {
 fn what_cannot_be_recorded_is_refused_with_the_key_and_what_was_expected() {
     let storage = tempfile::tempdir().unwrap();
     let (_source, daemon) = daemon(storage.path(), &[]);
+    for name in ["", ".", "..", "a\nb", "\u{1b}[2J", "a\u{202e}b", "\0", "NUL", "com1.txt", "end.", "=1+1", "a/b"] {
+        let (status, problem) = daemon.send("POST", PATH, &json!({"name": name}));
+        assert!(status == 422 && detail(&problem).starts_with("name is "), "{name:?}: {problem}");
+    }
+    for long in ["x".repeat(65), "𠀀".repeat(64), "x".repeat(100_000)] {
+        assert_eq!(daemon.send("POST", PATH, &json!({"name": long})).0, 422);
+    }
     for (wish, code, words) in [
         (json!({"name": "../evening"}), 422, "name is \"../evening\", expected 1 to 64 letters"),
         (json!({"seconds": 0}), 422, "seconds is 0, expected a number of seconds above those of the empty room (3)"),
@@ -98,6 +105,15 @@ fn what_cannot_be_recorded_is_refused_with_the_key_and_what_was_expected() {
         assert!(detail(&problem).contains(words), "{wish}: {problem}");
     }
     assert!(!storage.path().join("recordings").exists());
+    // A name that exists, whatever it is that has it.
+    std::fs::create_dir_all(storage.path().join("recordings/empty")).unwrap();
+    std::fs::write(storage.path().join("recordings/file"), "").unwrap();
+    std::os::unix::fs::symlink("nowhere", storage.path().join("recordings/link")).unwrap();
+    for name in ["empty", "file", "link"] {
+        let (status, problem) = daemon.send("POST", PATH, &json!({"name": name}));
+        assert_eq!(status, 409, "{name}: {problem}");
+    }
+    std::fs::remove_dir_all(storage.path().join("recordings")).unwrap();
     // A directory that cannot be made.
     std::fs::write(storage.path().join("recordings"), "").unwrap();
     let (status, problem) = daemon.send("POST", PATH, &json!({}));
