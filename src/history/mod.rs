@@ -1,23 +1,31 @@
 //! The history: events and occupancy, in an SQLite file that outlives the program.
 //!
 //! The frame loop hands over each update ([`History::take`]) and goes on; a separate thread writes twice a second.
-//! While the file cannot be written, the history is kept in memory.
+//! While the file cannot be written, or is not where it was, the history is kept in memory. Queries read the file through
+//! connections of their own, so that they wait neither for each other nor for the writer.
 
+mod blocks;
+mod bounds;
+mod clock;
+mod handle;
 mod kept;
+mod place;
 mod query;
 mod retention;
 mod schema;
 mod spans;
+mod sparing;
 mod store;
 mod writer;
 
+pub use bounds::Until;
+pub use handle::{History, HistoryError, HistoryReport, Observation};
 use jiff::Timestamp;
 pub use kept::Kept;
-pub use query::{EventPage, EventQuery, Interval, IntervalPage, IntervalQuery, SpanPage, SpanQuery};
+pub use query::{Cut, EventPage, EventQuery, Interval, IntervalPage, IntervalQuery, SpanPage, SpanQuery};
 pub use retention::Retention;
 pub use spans::Span;
 pub use store::StoreError;
-pub use writer::{History, HistoryError, HistoryReport, Observation};
 
 /// The next numbers to use. They continue from run to run, so that no number is used twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -1,13 +1,12 @@
-use std::collections::{BTreeMap, HashSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 use jiff::{SignedDuration, Timestamp};
-use rusqlite::types::Value;
-use rusqlite::{Connection, Row, named_params};
+use rusqlite::{Connection, OptionalExtension, Row, ToSql, named_params};
 use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::Span;
-use super::spans::LONGEST;
+use super::blocks::{EVENTS, OCCUPANCY};
 use super::store::{integer, nanoseconds};
 use doorcam_core::tracking::{Event, EventKind};
 
@@ -86,6 +85,14 @@ pub struct IntervalQuery {
     pub limit: usize,
 }
 
+impl IntervalQuery {
+    /// `from` of the next page; `None` if there are no more intervals.
+    pub fn next(&self) -> Option<Timestamp> {
+        let length = i32::try_from(self.limit).ok().and_then(|limit| self.step.checked_mul(limit))?;
+        self.from.checked_add(length).ok().filter(|next| *next < self.to)
+    }
+}
+
 /// Occupancy over an interval.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct Interval {
@@ -115,6 +122,30 @@ pub struct IntervalPage {
     pub next: Option<Timestamp>,
 }
 
+/// Where a page of events or spans begins and ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cut {
+    /// Numbers of the first and of the last row; `None` if there is none.
+    pub ends: Option<[u64; 2]>,
+    /// `after` of the next page; `None` if this is the last.
+    pub next: Option<u64>,
+}
+
+impl Cut {
+    /// Of numbers in their order, of which the last one may be beyond the limit.
+    fn of(numbers: impl Iterator<Item = u64>, limit: usize) -> Self {
+        let (mut ends, mut next) = (None, None);
+        for (k, number) in numbers.enumerate() {
+            if k == limit {
+                next = ends.map(|[_, last]: [u64; 2]| last);
+                break;
+            }
+            ends = Some([ends.map_or(number, |[first, _]| first), number]);
+        }
+        Self { ends, next }
+    }
+}
+
 /// The tables to search, in the file and in memory. What is in both is taken from memory.
 pub(super) struct Tables<'a> {
     pub(super) file: Option<&'a Connection>,
@@ -128,8 +159,7 @@ impl Tables<'_> {
         let mut each = Vec::new();
         if let Some(memory) = self.memory {
             each.push((memory, i64::MAX));
-            let first = memory.query_row("SELECT min(sequence) FROM events", (), |row| row.get::<_, Option<i64>>(0))?;
-            below = first.unwrap_or(i64::MAX);
+            below = end_of_events(memory, "ASC", i64::MAX)?.unwrap_or(i64::MAX);
         }
         each.extend(self.file.map(|file| (file, below)));
         each.reverse();
@@ -138,33 +168,60 @@ impl Tables<'_> {
 
     /// The events that match: with `after` or `from` the first of them, otherwise the newest.
     pub(super) fn events(&self, query: &EventQuery) -> rusqlite::Result<EventPage> {
-        let forwards = query.after.is_some() || query.from.is_some();
-        let tables = self.of_events()?;
-        // One more than the limit shows whether there is another page.
-        let most = if forwards { query.limit + 1 } else { query.limit };
-        let mut events = VecDeque::new();
+        let mut events =
+            self.some_events(query, "sequence, kind, time_ns, track, x_m, y_m, zone", read_event, |event| {
+                event.sequence
+            })?;
         let mut ends: (Option<u64>, Option<u64>) = (None, None);
-        for (connection, below) in &tables {
-            let sql = "SELECT min(sequence), max(sequence) FROM events WHERE sequence < ?1";
-            let (first, last): (Option<u64>, Option<u64>) =
-                connection.query_row(sql, [below], |row| Ok((row.get(0)?, row.get(1)?)))?;
+        for (connection, below) in self.of_events()? {
+            let first = end_of_events(connection, "ASC", below)?.and_then(|number| u64::try_from(number).ok());
+            let last = end_of_events(connection, "DESC", below)?.and_then(|number| u64::try_from(number).ok());
             ends = (ends.0.or(first), last.or(ends.1));
-        }
-        if forwards {
-            for (connection, below) in tables {
-                events.extend(select_events(connection, query, below, "ASC", most - events.len())?);
-            }
-        } else {
-            for (connection, below) in tables.into_iter().rev() {
-                for event in select_events(connection, query, below, "DESC", most - events.len())? {
-                    events.push_front(event);
-                }
-            }
         }
         let more = events.len() > query.limit;
         events.truncate(query.limit);
-        let next = events.back().map(|event| event.sequence).filter(|_| more);
-        Ok(EventPage { events: events.into(), oldest: ends.0, newest: ends.1, next })
+        let next = events.last().map(|event| event.sequence).filter(|_| more);
+        Ok(EventPage { events, oldest: ends.0, newest: ends.1, next })
+    }
+
+    /// Where the page of events begins and ends.
+    pub(super) fn events_cut(&self, query: &EventQuery) -> rusqlite::Result<Cut> {
+        let numbers = self.some_events(query, "sequence", |row| row.get(0), |number| *number)?;
+        Ok(Cut::of(numbers.into_iter(), query.limit))
+    }
+
+    /// What `read` makes of some columns of the events that match, in the order of their numbers. There may be one more
+    /// than the limit, which shows that there is another page.
+    fn some_events<T>(
+        &self,
+        query: &EventQuery,
+        columns: &str,
+        read: impl Fn(&Row<'_>) -> rusqlite::Result<T>,
+        number: impl Fn(&T) -> u64,
+    ) -> rusqlite::Result<Vec<T>> {
+        let forwards = query.after.is_some() || query.from.is_some();
+        let mut tables = self.of_events()?;
+        if !forwards {
+            tables.reverse();
+        }
+        let most = if forwards { query.limit + 1 } else { query.limit };
+        let mut events = Vec::new();
+        for (connection, below) in tables {
+            let left = most - events.len();
+            let selection = Selection { columns, below, forwards, limit: left };
+            let mut more = select_events(connection, query, &selection, &read)?;
+            // Those of each kind come in their order, and then those of the next kind.
+            more.sort_by_key(&number);
+            if !forwards {
+                more.reverse();
+            }
+            more.truncate(left);
+            events.extend(more);
+        }
+        if !forwards {
+            events.reverse();
+        }
+        Ok(events)
     }
 
     /// The first spans that match.
@@ -182,6 +239,18 @@ impl Tables<'_> {
         spans.truncate(*limit);
         let next = spans.last().map(|span| span.id).filter(|_| more);
         Ok(SpanPage { spans, next })
+    }
+
+    /// Where the page of spans begins and ends.
+    pub(super) fn spans_cut(&self, query: &SpanQuery) -> rusqlite::Result<Cut> {
+        let SpanQuery { after, from, to, zone, limit } = query;
+        let mut numbers = BTreeSet::new();
+        for connection in self.file.into_iter().chain(self.memory) {
+            each_span(connection, (*from, *to), zone.as_deref(), *after, limit + 1, |span| {
+                numbers.insert(span.id);
+            })?;
+        }
+        Ok(Cut::of(numbers.into_iter(), *limit))
     }
 
     /// Occupancy, summed up over each interval.
@@ -224,35 +293,105 @@ impl Tables<'_> {
     }
 }
 
-fn select_events(
+/// What events are looked up by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum By {
+    Number,
+    Kind,
+    Zone,
+    Track,
+    TrackAndZone,
+}
+
+impl By {
+    fn what(query: &EventQuery) -> Self {
+        match (&query.track, &query.zone) {
+            (Some(_), Some(_)) => Self::TrackAndZone,
+            (Some(_), None) => Self::Track,
+            (None, Some(_)) => Self::Zone,
+            (None, None) if !query.kinds.is_empty() => Self::Kind,
+            (None, None) => Self::Number,
+        }
+    }
+}
+
+/// The statement for some columns of events. The index is named because SQLite would guess which one is the best.
+fn events_statement(by: By, columns: &str, forwards: bool) -> String {
+    let order = if forwards { "ASC" } else { "DESC" };
+    let (index, condition) = match by {
+        By::Number => ("", ""),
+        By::Kind => ("INDEXED BY events_kind", "AND kind = :kind"),
+        By::Zone => ("INDEXED BY events_zone", "AND zone = :zone AND kind = :kind"),
+        // A track has few events, so the rest is compared with each of them.
+        By::Track => ("INDEXED BY events_track", "AND track = :track AND kind = :kind"),
+        By::TrackAndZone => ("INDEXED BY events_track", "AND track = :track AND zone = :zone AND kind = :kind"),
+    };
+    format!(
+        "SELECT {columns} FROM events {index}
+         WHERE sequence > :after AND sequence < :below AND time_ns >= :from AND time_ns < :to {condition}
+         ORDER BY sequence {order} LIMIT :limit"
+    )
+}
+
+/// The statement for spans.
+const SPANS_STATEMENT: &str = "SELECT id, zone, people, from_ns, to_ns FROM occupancy INDEXED BY occupancy_zone
+     WHERE zone IS :zone AND id > :after AND id < :below AND from_ns < :to AND to_ns > :from
+     ORDER BY id LIMIT :limit";
+
+/// The smallest (`ASC`) or largest (`DESC`) number of an event below a bound. One statement for both would read them all.
+fn end_of_events(connection: &Connection, order: &str, below: i64) -> rusqlite::Result<Option<i64>> {
+    let sql = format!("SELECT sequence FROM events WHERE sequence < ?1 ORDER BY sequence {order} LIMIT 1");
+    connection.prepare_cached(&sql)?.query_row([below], |row| row.get(0)).optional()
+}
+
+/// What to select of the events that match.
+struct Selection<'a> {
+    columns: &'a str,
+    /// Only smaller numbers than this.
+    below: i64,
+    /// The first of them, or the last.
+    forwards: bool,
+    /// At most this many of each kind.
+    limit: usize,
+}
+
+/// The first, or the last, events that match, sorted only within each kind.
+fn select_events<T>(
     connection: &Connection,
     query: &EventQuery,
-    below: i64,
-    order: &str,
-    limit: usize,
-) -> rusqlite::Result<Vec<Event>> {
+    selection: &Selection<'_>,
+    read: impl Fn(&Row<'_>) -> rusqlite::Result<T>,
+) -> rusqlite::Result<Vec<T>> {
     let EventQuery { after, from, to, kinds, track, zone, .. } = query;
-    let mut select = connection.prepare_cached(&format!(
-        "SELECT sequence, kind, time_ns, track, x_m, y_m, zone FROM events
-         WHERE sequence > :after AND sequence < :below AND time_ns >= :from AND time_ns < :to
-           AND (:kinds = '' OR instr(:kinds, ',' || kind || ',') > 0)
-           AND (:track IS NULL OR track = :track) AND (:zone IS NULL OR zone = :zone)
-         ORDER BY sequence {order} LIMIT :limit"
-    ))?;
-    // ",enter,exit,"
-    let kinds: String = kinds.iter().map(|kind| format!(",{},", kind.name())).collect();
-    let parameters = named_params! {
-        ":after": after.map_or(-1, integer),
-        ":below": below,
-        ":from": from.map_or(i64::MIN, nanoseconds),
-        ":to": to.map_or(i64::MAX, nanoseconds),
-        ":kinds": kinds,
-        ":track": track.map(integer),
-        ":zone": zone,
-        ":limit": integer(limit as u64),
-    };
-    let events = select.query_map(parameters, read_event)?;
-    events.collect()
+    let (from, to) = (from.map_or(i64::MIN, nanoseconds), to.map_or(i64::MAX, nanoseconds));
+    let numbers = EVENTS.between(connection, from, to)?;
+    let after = after.map_or(-1, integer).max(numbers.start.saturating_sub(1));
+    let below = selection.below.min(numbers.end);
+    let (track, most) = (track.map(integer), integer(selection.limit as u64));
+    let mut given: Vec<(&str, &dyn ToSql)> =
+        vec![(":after", &after), (":below", &below), (":from", &from), (":to", &to), (":limit", &most)];
+    let by = By::what(query);
+    let mut select = connection.prepare_cached(&events_statement(by, selection.columns, selection.forwards))?;
+    if track.is_some() {
+        given.push((":track", &track));
+    }
+    if zone.is_some() {
+        given.push((":zone", zone));
+    }
+    if by == By::Number {
+        return select.query_map(given.as_slice(), read)?.collect();
+    }
+    // One kind after the other, because an index has only those of one kind in the order of their numbers.
+    let mut events = Vec::new();
+    for kind in EventKind::ALL.into_iter().filter(|kind| kinds.is_empty() || kinds.contains(kind)) {
+        let name = kind.name();
+        let mut given = given.clone();
+        given.push((":kind", &name));
+        for event in select.query_map(given.as_slice(), &read)? {
+            events.push(event?);
+        }
+    }
+    Ok(events)
 }
 
 pub(super) fn read_event(row: &Row<'_>) -> rusqlite::Result<Event> {
@@ -279,19 +418,15 @@ fn each_span(
     limit: usize,
     mut each: impl FnMut(Span),
 ) -> rusqlite::Result<()> {
-    let mut select = connection.prepare_cached(
-        "SELECT id, zone, people, from_ns, to_ns FROM occupancy
-         WHERE id > :after AND from_ns > :earliest AND from_ns < :to AND to_ns > :from AND zone IS :zone
-         ORDER BY id LIMIT :limit",
-    )?;
-    // A span may be a few seconds longer than LONGEST.
-    let earliest = from.checked_sub(LONGEST * 2).unwrap_or(Timestamp::MIN);
+    let (from, to) = (nanoseconds(from), nanoseconds(to));
+    let numbers = OCCUPANCY.between(connection, from, to)?;
+    let mut select = connection.prepare_cached(SPANS_STATEMENT)?;
     let parameters = named_params! {
-        ":after": after.map_or(-1, integer),
-        ":earliest": nanoseconds(earliest),
-        ":from": nanoseconds(from),
-        ":to": nanoseconds(to),
-        ":zone": zone.map_or(Value::Null, |zone| Value::Text(zone.into())),
+        ":zone": zone,
+        ":after": after.map_or(-1, integer).max(numbers.start.saturating_sub(1)),
+        ":below": numbers.end,
+        ":from": from,
+        ":to": to,
         ":limit": integer(limit as u64),
     };
     let mut rows = select.query(parameters)?;
@@ -313,111 +448,5 @@ fn time(row: &Row<'_>, column: usize) -> rusqlite::Result<Timestamp> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::Numbers;
-    use super::super::store::tests::event;
-    use super::super::store::{Batch, Store};
-    use super::*;
-
-    fn at(seconds: i64) -> Timestamp {
-        Timestamp::from_second(seconds).unwrap()
-    }
-
-    fn store(events: std::ops::Range<u64>, spans: &[(u64, Option<&str>, usize, i64, i64)]) -> Store {
-        let mut store = Store::in_memory().unwrap();
-        let span = |&(id, zone, people, from, to): &(u64, Option<&str>, usize, i64, i64)| Span {
-            id,
-            zone: zone.map(String::from),
-            people,
-            from: at(from),
-            to: at(to),
-        };
-        let spans = spans.iter().map(span).collect();
-        store.write(&Batch { events: events.map(event).collect(), spans, next: Numbers::default() }).unwrap();
-        store
-    }
-
-    fn numbers(tables: &Tables<'_>, query: EventQuery) -> (Vec<u64>, Option<u64>) {
-        let page = tables.events(&query).unwrap();
-        (page.events.iter().map(|event| event.sequence).collect(), page.next)
-    }
-
-    #[test]
-    fn events_come_in_pages_of_what_was_asked_for() {
-        let store = store(0..100, &[]);
-        let tables = Tables { file: Some(&store.connection), memory: None };
-        let any = EventQuery { limit: 3, ..EventQuery::default() };
-        assert_eq!(tables.events(&EventQuery { after: Some(6), limit: 1, ..any.clone() }).unwrap().events, [event(7)]);
-        assert_eq!(numbers(&tables, any.clone()), (vec![97, 98, 99], None), "the newest");
-        let (events, next) = numbers(&tables, EventQuery { after: Some(9), ..any.clone() });
-        assert_eq!((events, next), (vec![10, 11, 12], Some(12)));
-        assert_eq!(numbers(&tables, EventQuery { after: Some(96), ..any.clone() }), (vec![97, 98, 99], None));
-        assert_eq!(numbers(&tables, EventQuery { after: Some(u64::MAX), ..any.clone() }), (vec![], None));
-        // One event a second.
-        let range = EventQuery { from: Some(at(20)), to: Some(at(22)), ..any.clone() };
-        assert_eq!(numbers(&tables, range), (vec![20, 21], None));
-        assert_eq!(numbers(&tables, EventQuery { to: Some(at(22)), ..any.clone() }), (vec![19, 20, 21], None));
-        let exits = EventQuery { after: Some(20), kinds: vec![EventKind::Exit, EventKind::Dwell], ..any.clone() };
-        assert_eq!(numbers(&tables, exits), (vec![21, 23, 25], Some(25)));
-        assert_eq!(numbers(&tables, EventQuery { track: Some(30), ..any.clone() }), (vec![60, 61], None));
-        let bed = EventQuery { zone: Some("bed".into()), ..any };
-        assert_eq!(numbers(&tables, bed), (vec![93, 96, 99], None));
-    }
-
-    #[test]
-    fn what_memory_keeps_follows_what_the_file_has() {
-        let (file, memory) = (
-            store(0..50, &[(0, Some("bed"), 0, 0, 8), (1, None, 1, 0, 5), (2, None, 2, 5, 8)]),
-            store(45..60, &[(0, Some("bed"), 0, 0, 20), (2, None, 2, 5, 9), (3, None, 0, 9, 20)]),
-        );
-        let tables = Tables { file: Some(&file.connection), memory: Some(&memory.connection) };
-        let any = EventQuery { limit: 100, ..EventQuery::default() };
-        let all = (0..60).collect::<Vec<_>>();
-        assert_eq!(numbers(&tables, any.clone()), (all.clone(), None));
-        assert_eq!(numbers(&tables, EventQuery { from: Some(at(0)), ..any.clone() }), (all, None));
-        assert_eq!(numbers(&tables, EventQuery { after: Some(42), limit: 5, ..any.clone() }).0, [43, 44, 45, 46, 47]);
-        assert_eq!(numbers(&tables, EventQuery { limit: 17, ..any.clone() }).0, (43..60).collect::<Vec<_>>());
-        let page = tables.events(&any).unwrap();
-        assert_eq!((page.oldest, page.newest), (Some(0), Some(59)));
-        let spans = tables.spans(&SpanQuery { after: None, from: at(0), to: at(99), zone: None, limit: 2 }).unwrap();
-        assert_eq!((spans.spans.len(), spans.spans[1].to, spans.next), (2, at(9), Some(2)));
-        for zone in [None, Some("bed".to_owned())] {
-            let query = IntervalQuery { from: at(0), to: at(30), step: SignedDuration::from_secs(30), zone, limit: 1 };
-            assert_eq!(tables.intervals(&query).unwrap().intervals[0].watched_s, 20.0, "no span counts twice");
-        }
-        // Without any tables.
-        let none = Tables { file: None, memory: None };
-        assert_eq!(none.events(&any).unwrap(), EventPage { events: vec![], oldest: None, newest: None, next: None });
-    }
-
-    #[test]
-    fn intervals_add_up_to_what_the_spans_say() {
-        // Nobody, one, two; a gap; one. The bed counts by itself.
-        let spans = [
-            (1, None, 0, 0, 30),
-            (2, None, 1, 30, 50),
-            (3, Some("bed"), 1, 30, 31),
-            (4, None, 2, 50, 70),
-            (5, None, 1, 200, 240),
-        ];
-        let store = store(0..0, &spans);
-        let tables = Tables { file: Some(&store.connection), memory: None };
-        let minute = SignedDuration::from_secs(60);
-        let query = IntervalQuery { from: at(0), to: at(250), step: minute, zone: None, limit: 100 };
-        let page = tables.intervals(&query).unwrap();
-        let told: Vec<_> = page.intervals.iter().map(|i| (i.most, i.mean, i.occupied_s, i.watched_s)).collect();
-        let expected = [
-            (Some(2), Some(40.0 / 60.0), 30.0, 60.0),
-            (Some(2), Some(2.0), 10.0, 10.0),
-            (None, None, 0.0, 0.0),
-            (Some(1), Some(1.0), 40.0, 40.0),
-            (None, None, 0.0, 0.0),
-        ];
-        assert_eq!(told, expected);
-        assert_eq!((page.intervals[4].to, page.next), (at(250), None));
-        let page = tables.intervals(&IntervalQuery { limit: 2, ..query.clone() }).unwrap();
-        assert_eq!((page.intervals.len(), page.next), (2, Some(at(120))));
-        let bed = tables.intervals(&IntervalQuery { zone: Some("bed".into()), ..query }).unwrap();
-        assert_eq!((bed.intervals[0].occupied_s, bed.intervals[0].watched_s), (1.0, 1.0));
-    }
-}
+#[path = "query_tests.rs"]
+mod tests;

@@ -1,12 +1,13 @@
 use jiff::{SignedDuration, Timestamp};
-use rusqlite::{Connection, params};
+use rusqlite::Connection;
 
+use super::blocks::{EVENTS, OCCUPANCY};
 use super::store::{Store, nanoseconds};
 
 /// How much is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Retention {
-    /// Anything older is deleted.
+    /// Anything older is deleted, as far as the clock can be believed.
     pub age: SignedDuration,
     /// Most bytes on disk; beyond them, the oldest rows are deleted.
     pub bytes: u64,
@@ -59,25 +60,17 @@ impl Size {
 /// Deletes the oldest twentieth of each table, within limits.
 fn oldest(connection: &Connection) -> rusqlite::Result<usize> {
     let mut gone = 0;
-    for (table, number) in [("events", "sequence"), ("occupancy", "id")] {
+    for blocked in [EVENTS, OCCUPANCY] {
+        let table = blocked.table;
         let count: u64 = connection.query_row(&format!("SELECT count(*) FROM {table}"), (), |row| row.get(0))?;
-        let rows = (count / 20).clamp(100, AT_ONCE);
-        let sql =
-            format!("DELETE FROM {table} WHERE {number} IN (SELECT {number} FROM {table} ORDER BY {number} LIMIT ?1)");
-        gone += connection.execute(&sql, [rows])?;
+        gone += blocked.delete_first(connection, (count / 20).clamp(100, AT_ONCE))?;
     }
     Ok(gone)
 }
 
 fn expired(connection: &Connection, limits: Retention, now: Timestamp) -> rusqlite::Result<usize> {
     let before = now.checked_sub(limits.age).map_or(i64::MIN, nanoseconds);
-    let mut gone = 0;
-    for (table, number, began) in [("events", "sequence", "time_ns"), ("occupancy", "id", "from_ns")] {
-        let sql =
-            format!("DELETE FROM {table} WHERE {number} IN (SELECT {number} FROM {table} WHERE {began} < ?1 LIMIT ?2)");
-        gone += connection.execute(&sql, params![before, AT_ONCE])?;
-    }
-    Ok(gone)
+    Ok(EVENTS.delete_before(connection, before)? + OCCUPANCY.delete_before(connection, before)?)
 }
 
 #[cfg(test)]

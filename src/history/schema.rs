@@ -4,8 +4,14 @@ use rusqlite::{Connection, TransactionBehavior};
 /// changed; changes are made by a further step.
 ///
 /// Times are nanoseconds since 1970, UTC. A null `zone` of `occupancy` is the whole room. `numbers` has numbers some
-/// way ahead of those in use, so that a number that was published and then lost in a crash is not used again.
-pub(super) const MIGRATIONS: &[&str] = &["
+/// way ahead of those in use, so that a number that was published and then lost in a crash is not used again; its
+/// `clock` is a time ([`super::clock`]).
+///
+/// Rows are asked for in the order of their numbers, and times mostly follow numbers but need not. So there is no index
+/// of times, but the range of times of each block of 256 numbers: it says which numbers to look at, and an index of
+/// what else is asked for (zone, kind, track) gives them in order. A query then reads little more than what it answers.
+pub(super) const MIGRATIONS: &[&str] = &[
+    "
     CREATE TABLE events (
         sequence INTEGER PRIMARY KEY,
         kind TEXT NOT NULL,
@@ -25,7 +31,32 @@ pub(super) const MIGRATIONS: &[&str] = &["
     ) STRICT;
     CREATE INDEX occupancy_from ON occupancy (from_ns);
     CREATE TABLE numbers (name TEXT PRIMARY KEY, next INTEGER NOT NULL) STRICT, WITHOUT ROWID;
-"];
+",
+    "
+    DROP INDEX events_time;
+    DROP INDEX occupancy_from;
+    CREATE INDEX events_kind ON events (kind);
+    CREATE INDEX events_track ON events (track);
+    CREATE INDEX events_zone ON events (zone, kind) WHERE zone IS NOT NULL;
+    CREATE INDEX occupancy_zone ON occupancy (zone);
+    CREATE TABLE events_blocks (
+        block INTEGER PRIMARY KEY,
+        first_ns INTEGER NOT NULL,
+        last_ns INTEGER NOT NULL
+    ) STRICT;
+    CREATE INDEX events_blocks_first ON events_blocks (first_ns);
+    INSERT INTO events_blocks
+        SELECT sequence >> 8, min(time_ns), max(time_ns) FROM events GROUP BY sequence >> 8;
+    CREATE TABLE occupancy_blocks (
+        block INTEGER PRIMARY KEY,
+        first_ns INTEGER NOT NULL,
+        last_ns INTEGER NOT NULL
+    ) STRICT;
+    CREATE INDEX occupancy_blocks_first ON occupancy_blocks (first_ns);
+    INSERT INTO occupancy_blocks
+        SELECT id >> 8, min(from_ns), max(to_ns) FROM occupancy GROUP BY id >> 8;
+",
+];
 
 /// Takes the missing steps, all or none. Returns false for the tables of a newer doorcam, which it leaves alone.
 pub(super) fn migrate(connection: &mut Connection, steps: &[&str]) -> rusqlite::Result<bool> {
@@ -64,6 +95,26 @@ mod tests {
         assert_eq!(row, Ok((5, String::from("none"))));
         assert_eq!(version(&connection), MIGRATIONS.len() + 1);
         assert!(!migrate(&mut connection, MIGRATIONS).unwrap(), "the tables are a newer version's");
+    }
+
+    #[test]
+    fn a_file_of_the_first_version_keeps_its_rows_and_gets_the_blocks_of_their_times() {
+        let mut connection = Connection::open_in_memory().unwrap();
+        assert!(migrate(&mut connection, &MIGRATIONS[..1]).unwrap());
+        let insert = "WITH RECURSIVE n (k) AS (SELECT 0 UNION ALL SELECT k + 1 FROM n WHERE k < 599)
+            INSERT INTO events SELECT k, 'enter', 1000 * k, k, 0.5, 1.5, 'bed' FROM n";
+        connection.execute(insert, ()).unwrap();
+        connection.execute("INSERT INTO occupancy VALUES (7, NULL, 1, 50, 90), (8, NULL, 0, 90, 95)", ()).unwrap();
+        assert!(migrate(&mut connection, MIGRATIONS).unwrap());
+        let blocks = |of: &str| -> Vec<(i64, i64, i64)> {
+            let mut select = connection.prepare(&format!("SELECT * FROM {of}_blocks ORDER BY block")).unwrap();
+            let rows = select.query_map((), |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?))).unwrap();
+            rows.collect::<Result<_, _>>().unwrap()
+        };
+        assert_eq!(blocks("events"), [(0, 0, 255_000), (1, 256_000, 511_000), (2, 512_000, 599_000)]);
+        assert_eq!(blocks("occupancy"), [(0, 50, 95)]);
+        let events: u64 = connection.query_row("SELECT count(*) FROM events", (), |row| row.get(0)).unwrap();
+        assert_eq!((events, version(&connection)), (600, 2));
     }
 
     #[test]

@@ -4,8 +4,8 @@ use utoipa::ToSchema;
 
 use doorcam_core::tracking::Occupancy;
 
-/// Longest span, so that a query need not look further back for spans that overlap its start.
-pub(super) const LONGEST: SignedDuration = SignedDuration::from_hours(1);
+/// Longest span: a span is deleted as a whole once its beginning is too old.
+const LONGEST: SignedDuration = SignedDuration::from_hours(1);
 /// Times without updates for longer than this count as not watched.
 const GAP: SignedDuration = SignedDuration::from_secs(5);
 

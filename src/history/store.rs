@@ -4,8 +4,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use jiff::Timestamp;
-use rusqlite::{Connection, ErrorCode, OpenFlags, TransactionBehavior, params};
+use rusqlite::config::DbConfig;
+use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension, TransactionBehavior, params};
 
+use super::blocks::{EVENTS, OCCUPANCY};
+use super::bounds::LONGEST;
+use super::place::Place;
 use super::query::{read_event, read_span};
 use super::retention::LOG_PAGES;
 use super::schema::{MIGRATIONS, migrate};
@@ -18,6 +22,12 @@ pub enum StoreError {
     /// Another process keeps its history there.
     #[error("{}: another doorcam keeps its history there", .0.display())]
     Busy(PathBuf),
+    /// The file has numbers that this run may give to something else.
+    #[error("{}: has events of another run, with numbers that are not used up here; a restart continues there", .0.display())]
+    Foreign(PathBuf),
+    /// A query was ended before it had its answer.
+    #[error("the answer takes longer than {} s, expected a shorter time or fewer rows", LONGEST.as_secs())]
+    TooLong,
     /// The file was made by a newer version.
     #[error("{}: made by a newer doorcam", .0.display())]
     Newer(PathBuf),
@@ -49,6 +59,8 @@ pub enum StoreError {
 
 /// How long a statement waits for another process that has the file in use.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// Most prepared statements that a reader keeps: one for each combination of filters and direction.
+const STATEMENTS: usize = 32;
 /// How far ahead numbers are reserved.
 const AHEAD: u64 = 1000;
 
@@ -58,6 +70,8 @@ pub(super) struct Store {
     pub(super) connection: Connection,
     /// The next numbers as the tables have them; zeros if none have been written yet.
     reserved: Numbers,
+    /// The file, what SQLite keeps beside it, and the lock: all have to stay where they are.
+    places: Vec<Place>,
     /// Keeps other doorcams away from the file.
     _lock: Option<File>,
 }
@@ -93,7 +107,7 @@ impl Store {
     pub(super) fn in_memory() -> rusqlite::Result<Self> {
         let mut connection = Connection::open_in_memory()?;
         migrate(&mut connection, MIGRATIONS)?;
-        Ok(Self { connection, reserved: Numbers::default(), _lock: None })
+        Ok(Self { connection, reserved: Numbers::default(), places: Vec::new(), _lock: None })
     }
 
     /// Opens the file, or creates it and its directory, and brings its tables up to date.
@@ -102,7 +116,11 @@ impl Store {
         if let Some(directory) = file.parent().filter(|directory| !directory.as_os_str().is_empty()) {
             fs::create_dir_all(directory).map_err(io)?;
         }
-        let lock = File::options().create(true).append(true).open(beside(file, "-lock")).map_err(io)?;
+        if file.metadata().is_ok_and(|found| !found.is_file()) {
+            return Err(io(io::Error::other("not a regular file")));
+        }
+        // Read as well, so that opening a pipe of that name would not wait for a reader.
+        let lock = File::options().create(true).read(true).append(true).open(beside(file, "-lock")).map_err(io)?;
         match rustix::fs::flock(&lock, rustix::fs::FlockOperation::NonBlockingLockExclusive) {
             Err(rustix::io::Errno::WOULDBLOCK) => return Err(StoreError::Busy(file.into())),
             result => result.map_err(|e| io(e.into()))?,
@@ -129,7 +147,63 @@ impl Store {
             return Err(StoreError::Newer(file.into()));
         }
         let reserved = numbers(&connection).map_err(sql)?;
-        Ok(Self { connection, reserved, _lock: Some(lock) })
+        let places = ["", "-wal", "-shm", "-lock"].map(|part| Place::of(beside(file, part)));
+        let places = places.into_iter().collect::<Result<_, _>>().map_err(io)?;
+        Ok(Self { connection, reserved, places, _lock: Some(lock) })
+    }
+
+    /// What happened to the file, or to what is beside it, if it is not where it was opened any more: what is written
+    /// to it from then on may be gone with it.
+    pub(super) fn lost(&self) -> Option<String> {
+        self.places.iter().find_map(|place| Some(format!("{}: {}", place.path().display(), place.lost()?)))
+    }
+
+    /// Closes a file that is not in its place any more. Everything written is in it then, wherever it is; of what is at
+    /// its path, nothing is touched that is not its own.
+    pub(super) fn abandon(self) {
+        // If this fails, because the disk is full or a query still reads, the newest rows stay in the log.
+        let _ = self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", (), |_| Ok(()));
+        // Closing deletes the log by its name, which may be that of another file's log by now.
+        let log_is_there = self.places.get(1).is_some_and(|log| log.lost().is_none());
+        let keep = self.connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, !log_is_there);
+        if let Err(e) = keep.and_then(|_| self.connection.close().map_err(|(_, e)| e)) {
+            tracing::debug!("the old history was not closed properly: {e}");
+        }
+    }
+
+    /// The largest numbers of the rows.
+    fn newest(&self) -> rusqlite::Result<[Option<u64>; 2]> {
+        let newest = |sql| self.connection.query_row(sql, (), |row| row.get(0));
+        Ok([newest("SELECT max(sequence) FROM events")?, newest("SELECT max(id) FROM occupancy")?])
+    }
+
+    /// Checks that no row has a number that is still to be used.
+    pub(super) fn check_numbers(&self, next: Numbers, file: &Path) -> Result<(), StoreError> {
+        let [event, span] = self.newest().map_err(|e| failed(file, e))?;
+        if event >= Some(next.event) || span >= Some(next.span) {
+            return Err(StoreError::Foreign(file.into()));
+        }
+        Ok(())
+    }
+
+    /// The time that was believed when the file was last written; that of the newest row in a file that does not say,
+    /// `None` in an empty one.
+    pub(super) fn clock(&self) -> rusqlite::Result<Option<Timestamp>> {
+        let get = |sql| self.connection.query_row(sql, (), |row| row.get::<_, i64>(0)).optional();
+        let time = match get("SELECT next FROM numbers WHERE name = 'clock'")? {
+            None => get("SELECT time_ns FROM events ORDER BY sequence DESC LIMIT 1")?
+                .max(get("SELECT to_ns FROM occupancy ORDER BY id DESC LIMIT 1")?),
+            kept => kept,
+        };
+        Ok(time.and_then(|time| Timestamp::from_nanosecond(time.into()).ok()))
+    }
+
+    /// Keeps the time that is believed now.
+    pub(super) fn keep_clock(&self, time: Timestamp) -> rusqlite::Result<()> {
+        let mut put =
+            self.connection.prepare_cached("INSERT OR REPLACE INTO numbers (name, next) VALUES ('clock', ?1)")?;
+        put.execute([nanoseconds(time).max(0)])?;
+        Ok(())
     }
 
     /// Like [`Store::open`], but first renames a broken file, appending `.broken-` and the time; returns the new name.
@@ -138,7 +212,7 @@ impl Store {
             Err(StoreError::Broken { reason, .. }) => reason,
             opened => return opened.map(|store| (store, None)),
         };
-        let aside = beside(file, &format!(".broken-{}", Timestamp::now().strftime("%Y%m%dT%H%M%SZ")));
+        let aside = free_name(&beside(file, &format!(".broken-{}", Timestamp::now().strftime("%Y%m%dT%H%M%SZ"))));
         tracing::warn!("{}: {reason}; renaming it to {}", file.display(), aside.display());
         let io = |source| StoreError::Io { file: file.into(), source };
         fs::rename(file, &aside).map_err(io)?;
@@ -175,14 +249,18 @@ impl Store {
             )?;
             for Event { sequence, kind, time, track, x_m, y_m, zone } in events {
                 let (sequence, track) = (integer(*sequence), integer(*track));
-                insert.execute(params![sequence, kind.name(), nanoseconds(*time), track, x_m, y_m, zone])?;
+                let time = nanoseconds(*time);
+                insert.execute(params![sequence, kind.name(), time, track, x_m, y_m, zone])?;
+                EVENTS.note(&transaction, sequence, [time, time])?;
             }
             let mut insert = transaction.prepare_cached(
                 "INSERT INTO occupancy (id, zone, people, from_ns, to_ns) VALUES (?1, ?2, ?3, ?4, ?5)
                  ON CONFLICT DO UPDATE SET to_ns = max(to_ns, excluded.to_ns)",
             )?;
             for Span { id, zone, people, from, to } in spans {
-                insert.execute(params![integer(*id), zone, people, nanoseconds(*from), nanoseconds(*to)])?;
+                let (id, from, to) = (integer(*id), nanoseconds(*from), nanoseconds(*to));
+                insert.execute(params![id, zone, people, from, to])?;
+                OCCUPANCY.note(&transaction, id, [from, to])?;
             }
             if reserved != self.reserved {
                 reserve(&transaction, reserved)?;
@@ -215,6 +293,7 @@ pub(super) fn open_reader(file: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let connection = Connection::open_with_flags(file, flags)?;
     connection.busy_timeout(PATIENCE)?;
+    connection.set_prepared_statement_cache_capacity(STATEMENTS);
     Ok(connection)
 }
 
@@ -224,8 +303,15 @@ pub(super) fn failed(file: &Path, source: rusqlite::Error) -> StoreError {
         Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => {
             StoreError::Broken { file: file.into(), reason: source.to_string() }
         }
+        Some(ErrorCode::OperationInterrupted) => StoreError::TooLong,
         _ => StoreError::Sql { file: file.into(), source },
     }
+}
+
+/// The path, or the first of those with a number behind it that does not exist yet.
+fn free_name(path: &Path) -> PathBuf {
+    let numbered = (2..1000).map(|number| beside(path, &format!("-{number}")));
+    std::iter::once(path.to_owned()).chain(numbered).find(|name| !name.exists()).unwrap_or_else(|| path.to_owned())
 }
 
 /// The file's path with `more` appended to its name.
@@ -248,7 +334,8 @@ fn numbers(connection: &Connection) -> rusqlite::Result<Numbers> {
     let mut get = connection.prepare("SELECT name, next FROM numbers")?;
     let mut rows = get.query(())?;
     while let Some(row) = rows.next()? {
-        let (name, next): (String, u64) = (row.get(0)?, row.get(1)?);
+        let (name, next): (String, i64) = (row.get(0)?, row.get(1)?);
+        let next = u64::try_from(next).unwrap_or(0);
         match name.as_str() {
             "event" => numbers.event = next,
             "track" => numbers.track = next,
@@ -260,80 +347,5 @@ fn numbers(connection: &Connection) -> rusqlite::Result<Numbers> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
-    use super::*;
-    use doorcam_core::tracking::EventKind;
-
-    pub(in super::super) fn event(sequence: u64) -> Event {
-        let time = Timestamp::from_millisecond(1000 * sequence as i64).unwrap();
-        let zone = sequence.is_multiple_of(3).then(|| String::from("bed"));
-        let kind = if sequence.is_multiple_of(2) { EventKind::Enter } else { EventKind::Exit };
-        Event { sequence, kind, time, track: sequence / 2, x_m: 0.5, y_m: 1.25, zone }
-    }
-
-    fn count(store: &Store, table: &str) -> usize {
-        store.connection.query_row(&format!("SELECT count(*) FROM {table}"), (), |row| row.get(0)).unwrap()
-    }
-
-    #[test]
-    fn numbers_go_on_after_an_end_and_leap_after_a_crash() {
-        let directory = tempfile::tempdir().unwrap();
-        let file = directory.path().join("deep/history.sqlite");
-        let next = Numbers { event: 3, track: 2, span: 9 };
-        let batch = Batch { events: (0..3).map(event).collect(), spans: Vec::new(), next };
-        let mut store = Store::open(&file).unwrap();
-        assert_eq!(store.next(), Numbers::default());
-        store.write(&batch).unwrap();
-        store.close(next).unwrap();
-        assert!(!beside(&file, "-wal").exists(), "everything is in one file");
-        let mut store = Store::open(&file).unwrap();
-        assert_eq!((store.next(), count(&store, "events")), (next, 3));
-        store.write(&batch).unwrap();
-        assert_eq!(count(&store, "events"), 3, "events that exist stay as they are");
-        drop(store);
-        let store = Store::open(&file).unwrap();
-        assert_eq!(store.next(), Numbers { event: 1003, track: 1002, span: 1009 });
-    }
-
-    #[test]
-    fn two_do_not_keep_the_same_file() {
-        let directory = tempfile::tempdir().unwrap();
-        let file = directory.path().join("history.sqlite");
-        let first = Store::open(&file).unwrap();
-        let second = Store::open(&file).unwrap_err().to_string();
-        assert_eq!(second, format!("{}: another doorcam keeps its history there", file.display()));
-        drop(first);
-        Store::open(&file).unwrap();
-    }
-
-    #[test]
-    fn a_broken_file_is_put_aside_and_a_newer_one_left_alone() {
-        let directory = tempfile::tempdir().unwrap();
-        let file = directory.path().join("history.sqlite");
-        let next = Numbers::default();
-        let mut store = Store::open(&file).unwrap();
-        store.write(&Batch { events: (0..500).map(event).collect(), spans: Vec::new(), next }).unwrap();
-        store.close(next).unwrap();
-        // Overwrite pages in the middle.
-        let mut bytes = fs::read(&file).unwrap();
-        bytes[8192..16384].fill(0x5a);
-        for bad in [
-            bytes.as_slice(),
-            b"not a database, whatever its name says, but long enough to be looked at as one".as_slice(),
-        ] {
-            fs::write(&file, bad).unwrap();
-            assert!(matches!(Store::open(&file), Err(StoreError::Broken { .. })));
-            let (mut store, aside) = Store::open_or_replace(&file).unwrap();
-            let kept = fs::read(aside.unwrap()).unwrap();
-            let differs = kept.iter().zip(bad).position(|(kept, bad)| kept != bad);
-            assert_eq!((kept.len(), differs), (bad.len(), None));
-            store.write(&Batch { events: vec![event(1)], spans: Vec::new(), next }).unwrap();
-            assert_eq!(count(&store, "events"), 1);
-        }
-        let store = Store::open(&file).unwrap();
-        store.connection.pragma_update(None, "user_version", 99).unwrap();
-        drop(store);
-        let error = Store::open_or_replace(&file).unwrap_err().to_string();
-        assert_eq!(error, format!("{}: made by a newer doorcam", file.display()));
-    }
-}
+#[path = "store_tests.rs"]
+pub(super) mod tests;

@@ -1,18 +1,24 @@
 //! Events and occupancy over REST, in JSON or CSV, page by page.
 
+mod csv;
+mod turns;
+
 use axum::Json;
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Query, State};
 use axum::http::{HeaderMap, HeaderValue, Uri, header};
 use axum::response::{IntoResponse, Response};
 use jiff::{SignedDuration, Timestamp};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
+use self::csv::{as_text, csv};
+pub(super) use self::turns::Turns;
+use self::turns::answer;
 use super::Shared;
 use super::answers::{Malformed, NotReady, PEOPLE};
 use super::problem::ProblemDetails;
-use crate::history::{EventPage, EventQuery, History, IntervalPage, IntervalQuery, SpanPage, SpanQuery, StoreError};
+use crate::history::{Cut, EventPage, EventQuery, IntervalPage, IntervalQuery, SpanPage, SpanQuery};
 use doorcam_core::tracking::EventKind;
 
 /// Default number of events in a JSON answer.
@@ -23,6 +29,10 @@ const MOST_ROWS: usize = 1000;
 const MOST_CSV_ROWS: usize = 10_000;
 /// Default period of an occupancy request.
 const DAY: SignedDuration = SignedDuration::from_hours(24);
+/// Most characters of a wrong value that its refusal repeats.
+const LONGEST_SHOWN: usize = 40;
+/// Most characters of the reason for a refusal.
+const LONGEST_REASON: usize = 300;
 /// The longest step, in seconds: a leap year.
 const LONGEST_STEP_S: f64 = 366.0 * 86_400.0;
 
@@ -34,8 +44,10 @@ pub(super) struct WantedEvents {
     /// Only events with larger numbers than this. Without `after` and `from`, the newest events.
     after: Option<u64>,
     /// Only events at or after this time, RFC 3339.
+    #[serde(default, deserialize_with = "instant")]
     from: Option<Timestamp>,
     /// Only events before this time.
+    #[serde(default, deserialize_with = "instant")]
     to: Option<Timestamp>,
     /// Only events of these kinds, separated by commas: `enter`, `exit`, `dwell`, `zone_enter`, `zone_exit`.
     #[param(pattern = "^(enter|exit|dwell|zone_enter|zone_exit)(,(enter|exit|dwell|zone_enter|zone_exit))*$")]
@@ -60,8 +72,10 @@ pub(super) struct WantedOccupancy {
     /// Only spans with larger numbers than this; not with `step`.
     after: Option<u64>,
     /// From this time on, RFC 3339; by default a day before `to`.
+    #[serde(default, deserialize_with = "instant")]
     from: Option<Timestamp>,
     /// Until this time; by default now.
+    #[serde(default, deserialize_with = "instant")]
     to: Option<Timestamp>,
     /// Length of the intervals to sum up over, in seconds. Without it, the answer has the spans as they are.
     #[param(minimum = 1.0, maximum = 31_622_400.0)]
@@ -118,16 +132,30 @@ pub(super) async fn events(
         Ok(asked) => asked,
         Err(why) => return refused(&why, "after, from, to, kind, track, zone, limit, format"),
     };
-    let page = match answer(shared, move |history| history.events(&query)).await {
-        Ok(page) => page,
-        Err(problem) => return problem.into_response(),
-    };
-    let next = page.next.map(|after| ("after", after.to_string()));
     match format {
-        Format::Json => paged(&uri, next, Json(page)),
+        Format::Json => match answer(shared, move |history, until| history.events(&query, until)).await {
+            Ok(page) => paged(&uri, page.next.map(|after| ("after", after.to_string())), Json(page)),
+            Err(refused) => refused.into_response(),
+        },
         Format::Csv => {
+            let (asked, whole) = (shared.clone(), query.clone());
+            let cut = match answer(asked, move |history, until| history.events_cut(&whole, until)).await {
+                Ok(cut) => cut,
+                Err(refused) => return refused.into_response(),
+            };
             let columns = ["sequence", "kind", "time", "track", "x_m", "y_m", "zone"];
-            paged(&uri, next, Csv::of(&columns, page.events))
+            // From a time on, so that it begins with the first events and not with the newest.
+            let query = EventQuery { from: query.from.or(Some(Timestamp::MIN)), limit: MOST_ROWS, ..query };
+            let rows = csv(shared, &columns, begin(&cut), move |history, (after, last), until| {
+                let part = EventQuery { after, ..query.clone() };
+                let mut events = history.events(&part, until)?.events;
+                events.retain(|event| event.sequence <= last);
+                events.iter_mut().for_each(|event| event.zone = event.zone.take().map(as_text));
+                let next =
+                    events.last().map(|event| (Some(event.sequence), last)).filter(|(after, _)| *after < Some(last));
+                Ok((events, next))
+            });
+            paged(&uri, cut.next.map(|after| ("after", after.to_string())), rows)
         }
     }
 }
@@ -171,33 +199,61 @@ pub(super) async fn occupancy(
     let WantedOccupancy { after, step, zone, .. } = wanted;
     let Some(step) = step else {
         let query = SpanQuery { after, from, to, zone, limit };
-        let page = match answer(shared, move |history| history.spans(&query)).await {
-            Ok(page) => page,
-            Err(problem) => return problem.into_response(),
-        };
-        let next = page.next.map(|after| ("after", after.to_string()));
-        return match format {
-            Format::Json => paged(&uri, next, Json(page)),
-            Format::Csv => paged(&uri, next, Csv::of(&["id", "zone", "people", "from", "to"], page.spans)),
-        };
+        return spans(shared, &uri, query, format).await;
     };
     if !(1.0..=LONGEST_STEP_S).contains(&step) || after.is_some() {
         return refused(&format!("step is {step}, expected 1 to {LONGEST_STEP_S} seconds, without after"), expected);
     }
     let step = SignedDuration::try_from_secs_f64(step).unwrap_or(DAY);
     let query = IntervalQuery { from, to, step, zone, limit };
-    let page = match answer(shared, move |history| history.intervals(&query)).await {
-        Ok(page) => page,
-        Err(problem) => return problem.into_response(),
-    };
-    let next = page.next.map(|from| ("from", from.to_string()));
-    match format {
-        Format::Json => paged(&uri, next, Json(page)),
-        Format::Csv => {
-            let columns = ["from", "to", "most", "mean", "occupied_s", "watched_s"];
-            paged(&uri, next, Csv::of(&columns, page.intervals))
-        }
+    intervals(shared, &uri, query, format).await
+}
+
+async fn spans(shared: Shared, uri: &Uri, query: SpanQuery, format: Format) -> Response {
+    if format == Format::Json {
+        return match answer(shared, move |history, until| history.spans(&query, until)).await {
+            Ok(page) => paged(uri, page.next.map(|after| ("after", after.to_string())), Json(page)),
+            Err(refused) => refused.into_response(),
+        };
     }
+    let (asked, whole) = (shared.clone(), query.clone());
+    let cut = match answer(asked, move |history, until| history.spans_cut(&whole, until)).await {
+        Ok(cut) => cut,
+        Err(refused) => return refused.into_response(),
+    };
+    let columns = ["id", "zone", "people", "from", "to"];
+    let rows = csv(shared, &columns, begin(&cut), move |history, (after, last), until| {
+        let part = SpanQuery { after, limit: MOST_ROWS, ..query.clone() };
+        let mut spans = history.spans(&part, until)?.spans;
+        spans.retain(|span| span.id <= last);
+        spans.iter_mut().for_each(|span| span.zone = span.zone.take().map(as_text));
+        let next = spans.last().map(|span| (Some(span.id), last)).filter(|(after, _)| *after < Some(last));
+        Ok((spans, next))
+    });
+    paged(uri, cut.next.map(|after| ("after", after.to_string())), rows)
+}
+
+/// Where to begin to read a page in parts: `after`, and the last number.
+fn begin(cut: &Cut) -> Option<(Option<u64>, u64)> {
+    cut.ends.map(|[first, last]| (first.checked_sub(1), last))
+}
+
+async fn intervals(shared: Shared, uri: &Uri, query: IntervalQuery, format: Format) -> Response {
+    let columns = ["from", "to", "most", "mean", "occupied_s", "watched_s"];
+    if format == Format::Json {
+        return match answer(shared, move |history, until| history.intervals(&query, until)).await {
+            Ok(page) => paged(uri, page.next.map(|from| ("from", from.to_string())), Json(page)),
+            Err(refused) => refused.into_response(),
+        };
+    }
+    let next = query.next();
+    let rows = csv(shared, &columns, Some((query.from, query.limit)), move |history, (from, limit), until| {
+        let part = IntervalQuery { from, limit: limit.min(MOST_ROWS), ..query.clone() };
+        let page = history.intervals(&part, until)?;
+        let left = limit - page.intervals.len();
+        Ok((page.intervals, page.next.filter(|_| left > 0).map(|from| (from, left))))
+    });
+    paged(uri, next.map(|from| ("from", from.to_string())), rows)
 }
 
 /// Spans without `step`, intervals with it.
@@ -209,18 +265,9 @@ enum OccupancyPage {
     Intervals(IntervalPage),
 }
 
-/// Runs a query on a blocking thread, because it may wait for the disk.
-async fn answer<T: Send + 'static>(
-    shared: Shared,
-    ask: impl FnOnce(&History) -> Result<T, StoreError> + Send + 'static,
-) -> Result<T, ProblemDetails> {
-    match tokio::task::spawn_blocking(move || ask(&shared.history)).await {
-        Ok(answer) => answer.map_err(|e| ProblemDetails::unavailable(&e.to_string())),
-        Err(_) => Err(ProblemDetails::internal("reading the history failed on an internal error")),
-    }
-}
-
 fn refused(why: &str, parameters: &str) -> Response {
+    // It may repeat a name of any length.
+    let why = why.char_indices().nth(LONGEST_REASON).map_or(why, |(end, _)| &why[..end]);
     ProblemDetails::bad_request(&format!(
         "{why} (parameters: {parameters}; times as in RFC 3339, with + written as %2B)"
     ))
@@ -240,6 +287,16 @@ fn rows(limit: Option<usize>, usual: usize, format: Format) -> Result<usize, Str
     if (1..=most).contains(&limit) { Ok(limit) } else { Err(format!("limit is {limit}, expected 1 to {most}")) }
 }
 
+/// A time, or what is expected of one.
+fn instant<'de, D: serde::Deserializer<'de>>(value: D) -> Result<Option<Timestamp>, D::Error> {
+    let text = String::deserialize(value)?;
+    text.parse().map(Some).map_err(|_| {
+        let shown: String = text.chars().take(LONGEST_SHOWN).collect();
+        let (first, last) = (Timestamp::MIN, Timestamp::MAX);
+        serde::de::Error::custom(format!("{shown:?} is no time, expected one as in RFC 3339, {first} to {last}"))
+    })
+}
+
 /// Checks that numbers of events, spans or tracks fit SQLite's integers.
 fn numbers(given: [Option<u64>; 2]) -> Result<(), String> {
     match given.into_iter().flatten().find(|&number| i64::try_from(number).is_err()) {
@@ -253,7 +310,8 @@ fn kinds(names: Option<&str>) -> Result<Vec<EventKind>, String> {
     let kind = |name: &str| {
         let all = EventKind::ALL.map(EventKind::name).join(", ");
         let known = EventKind::ALL.into_iter().find(|kind| kind.name() == name);
-        known.ok_or_else(|| format!("kind is \"{name}\", expected some of {all}, separated by commas"))
+        let name: String = name.chars().take(LONGEST_SHOWN).collect();
+        known.ok_or_else(|| format!("kind is {name:?}, expected some of {all}, separated by commas"))
     };
     names.into_iter().flat_map(|names| names.split(',')).map(kind).collect()
 }
@@ -276,31 +334,6 @@ fn paged(uri: &Uri, next: Option<(&str, String)>, page: impl IntoResponse) -> Re
     response
 }
 
-/// Rows after a header row with the names of the columns (RFC 4180).
-struct Csv(Result<Vec<u8>, String>);
-
-impl Csv {
-    fn of(columns: &[&str], rows: Vec<impl Serialize>) -> Self {
-        Self(Self::write(columns, &rows).map_err(|e| e.to_string()))
-    }
-
-    fn write(columns: &[&str], rows: &[impl Serialize]) -> Result<Vec<u8>, csv::Error> {
-        let mut csv = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
-        csv.write_record(columns)?;
-        rows.iter().try_for_each(|row| csv.serialize(row))?;
-        csv.into_inner().map_err(|e| e.into_error().into())
-    }
-}
-
-impl IntoResponse for Csv {
-    fn into_response(self) -> Response {
-        match self.0 {
-            Ok(text) => ([(header::CONTENT_TYPE, "text/csv; charset=utf-8; header=present")], text).into_response(),
-            Err(e) => ProblemDetails::internal(&e).into_response(),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -319,13 +352,6 @@ mod tests {
         assert_eq!(format(None, &accepting("text/html, text/csv;q=0.9")), Format::Csv);
         assert_eq!(format(None, &accepting("*/*")), Format::Json);
         assert_eq!(format(Some(Format::Json), &accepting("text/csv")), Format::Json);
-    }
-
-    #[test]
-    fn zones_with_commas_and_quotes_stay_one_column() {
-        let rows = vec![(1, "bed, \"left\"")];
-        assert_eq!(Csv::of(&["id", "zone"], rows).0.unwrap(), b"id,zone\n1,\"bed, \"\"left\"\"\"\n");
-        assert_eq!(Csv::of(&["id"], Vec::<u8>::new()).0.unwrap(), b"id\n");
     }
 
     #[test]

@@ -62,7 +62,7 @@ fn who_was_stopped_goes_on_with_the_newest_and_does_not_pretend_to_have_watched(
 }
 
 /// A library that changes the clock that a program sees; prints a message if it is not installed.
-fn clock() -> Option<PathBuf> {
+pub(crate) fn clock() -> Option<PathBuf> {
     let places = ["x86_64", "aarch64", "arm"].map(|machine| {
         PathBuf::from(format!(
             "/usr/lib/{machine}-linux-gnu{}/faketime/libfaketimeMT.so.1",
@@ -76,7 +76,7 @@ fn clock() -> Option<PathBuf> {
     found
 }
 
-fn set(file: &Path, seconds: i64) {
+pub(crate) fn set(file: &Path, seconds: i64) {
     // Atomically, because the program reads the file again and again.
     let next = file.with_extension("next");
     std::fs::write(&next, format!("{seconds:+}\n")).expect("writes");

@@ -1,0 +1,145 @@
+//! How many queries of the history run at once: those of one client must not hold up everybody else's.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::http::{HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::timeout;
+
+use super::super::Shared;
+use super::super::problem::ProblemDetails;
+use crate::history::{History, StoreError, Until};
+
+/// Most queries at once. More would share the same processors and disk.
+const AT_ONCE: usize = 4;
+/// Most queries that wait for their turn: most take a millisecond.
+const WAITING: usize = 64;
+/// How long a query waits for its turn.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Who may ask the history now.
+#[derive(Debug, Clone)]
+pub(in super::super) struct Turns {
+    running: Arc<Semaphore>,
+    waiting: Arc<Semaphore>,
+}
+
+impl Default for Turns {
+    fn default() -> Self {
+        Self { running: Arc::new(Semaphore::new(AT_ONCE)), waiting: Arc::new(Semaphore::new(WAITING)) }
+    }
+}
+
+impl Turns {
+    /// A turn, or `None` if too many wait for theirs.
+    async fn take(&self) -> Option<OwnedSemaphorePermit> {
+        let _place = self.waiting.try_acquire().ok()?;
+        timeout(PATIENCE, Arc::clone(&self.running).acquire_owned()).await.ok()?.ok()
+    }
+
+    /// A turn for an answer that has begun already, so that it cannot be refused any more.
+    async fn wait(&self) -> Option<OwnedSemaphorePermit> {
+        Arc::clone(&self.running).acquire_owned().await.ok()
+    }
+}
+
+/// Why a query has no answer.
+#[derive(Debug)]
+pub(super) enum Refused {
+    /// Too many queries wait.
+    Busy,
+    /// The history cannot be read, or not in time.
+    Store(StoreError),
+    /// The query panicked.
+    Failed,
+}
+
+impl IntoResponse for Refused {
+    fn into_response(self) -> Response {
+        let problem = match self {
+            Self::Busy => ProblemDetails::unavailable("too many ask for the history now, try again in 1 s"),
+            Self::Store(e) => ProblemDetails::unavailable(&e.to_string()),
+            Self::Failed => return ProblemDetails::internal("reading the history failed").into_response(),
+        };
+        let mut response = problem.into_response();
+        response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
+        response
+    }
+}
+
+/// Ends a query when its client has gone away: the future that waits for it is dropped then.
+struct Waiting(Until);
+
+impl Drop for Waiting {
+    fn drop(&mut self) {
+        self.0.give_up();
+    }
+}
+
+/// Asks the history, in turn.
+pub(super) async fn answer<T: Send + 'static>(
+    shared: Shared,
+    ask: impl FnOnce(&History, &Until) -> Result<T, StoreError> + Send + 'static,
+) -> Result<T, Refused> {
+    let turn = shared.turns.take().await.ok_or(Refused::Busy)?;
+    asked(shared, turn, ask).await
+}
+
+/// Asks the history for a further part of an answer, however long that takes.
+pub(super) async fn further<T: Send + 'static>(
+    shared: Shared,
+    ask: impl FnOnce(&History, &Until) -> Result<T, StoreError> + Send + 'static,
+) -> Result<T, Refused> {
+    let turn = shared.turns.wait().await.ok_or(Refused::Busy)?;
+    asked(shared, turn, ask).await
+}
+
+/// On a blocking thread, because it may wait for the disk. The turn ends with the query, not with the client.
+async fn asked<T: Send + 'static>(
+    shared: Shared,
+    turn: OwnedSemaphorePermit,
+    ask: impl FnOnce(&History, &Until) -> Result<T, StoreError> + Send + 'static,
+) -> Result<T, Refused> {
+    let until = Until::default();
+    let _waiting = Waiting(until.clone());
+    let asking = tokio::task::spawn_blocking(move || {
+        let _turn = turn;
+        ask(&shared.history, &until)
+    });
+    asking.await.map_err(|_| Refused::Failed)?.map_err(Refused::Store)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn beyond_some_queries_at_once_others_wait_and_beyond_those_they_are_refused() {
+        let turns = Turns::default();
+        let mut running = Vec::new();
+        for _ in 0..AT_ONCE {
+            running.push(turns.take().await.unwrap());
+        }
+        let waiting: Vec<_> = (0..WAITING)
+            .map(|_| {
+                let turns = turns.clone();
+                tokio::spawn(async move { turns.take().await.is_some() })
+            })
+            .collect();
+        while turns.waiting.available_permits() > 0 {
+            tokio::task::yield_now().await;
+        }
+        assert!(turns.take().await.is_none(), "at once");
+        running.clear();
+        for waiting in waiting {
+            assert!(waiting.await.unwrap());
+        }
+        let response = Refused::Busy.into_response();
+        assert_eq!(
+            (response.status().as_u16(), &response.headers()[header::RETRY_AFTER]),
+            (503, &"1".parse().unwrap())
+        );
+    }
+}
