@@ -1,5 +1,6 @@
 //! Connections: their number, their timeouts and TLS, whatever they carry.
 
+mod certificate;
 mod held;
 mod slots;
 mod tls;

@@ -1,12 +1,15 @@
 use std::os::unix::fs::MetadataExt;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::{Duration, SystemTime};
 
+use jiff::Timestamp;
+use metrics::{describe_gauge, gauge};
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::{ServerConfig, crypto};
 use tokio_rustls::TlsAcceptor;
 
+use super::certificate::{Standing, Validity};
 use crate::config::TlsConfig;
 use crate::server::secret_file;
 
@@ -25,6 +28,8 @@ pub struct Tls {
     files: TlsConfig,
     read: Stamp,
     in_use: RwLock<Arc<ServerConfig>>,
+    /// When the certificate in use is valid, if that is known, and what the log said last about it.
+    validity: Mutex<(Option<Validity>, Standing)>,
 }
 
 /// Modification time, length and inode of certificate and key, which change when the files are written or replaced.
@@ -41,8 +46,11 @@ impl Tls {
             return Ok(None);
         }
         let read = stamp(files);
-        let in_use = RwLock::new(Arc::new(load(files)?));
-        Ok(Some(Self { files: files.clone(), read, in_use }))
+        let (config, validity) = load(files)?;
+        let in_use = RwLock::new(Arc::new(config));
+        let tls = Self { files: files.clone(), read, in_use, validity: Mutex::new((validity, Standing::Valid)) };
+        tls.say_standing();
+        Ok(Some(tls))
     }
 
     /// Accepts new connections with the certificate in use.
@@ -53,7 +61,12 @@ impl Tls {
     /// Watches the files for a new certificate; never returns. One that cannot be used is logged and not used.
     pub(super) async fn follow(&self) {
         let (mut used, mut seen) = (self.read, self.read);
+        describe_gauge!(
+            "doorcam_tls_certificate_expiry_seconds",
+            "When the certificate in use expires, in seconds since 1970"
+        );
         loop {
+            self.say_standing();
             tokio::time::sleep(LOOK).await;
             let now = stamp(&self.files);
             if now != used && now == seen {
@@ -66,11 +79,37 @@ impl Tls {
 
     fn renew(&self) {
         match load(&self.files) {
-            Ok(fresh) => {
+            Ok((fresh, validity)) => {
                 *self.in_use.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(fresh);
                 tracing::info!("{}: the new certificate is in use", self.files.certificate_file.display());
+                *self.validity.lock().unwrap_or_else(PoisonError::into_inner) = (validity, Standing::Valid);
+                self.say_standing();
             }
             Err(e) => tracing::warn!("{e}: the certificate in use stays"),
+        }
+    }
+
+    /// Says in the log if the certificate in use is not valid now, once.
+    fn say_standing(&self) {
+        let mut validity = self.validity.lock().unwrap_or_else(PoisonError::into_inner);
+        let (Some(Validity { from, until }), said) = *validity else { return };
+        gauge!("doorcam_tls_certificate_expiry_seconds").set(until.as_second() as f64);
+        let standing = Validity { from, until }.standing(Timestamp::now());
+        if standing == said {
+            return;
+        }
+        validity.1 = standing;
+        let file = self.files.certificate_file.display();
+        match standing {
+            Standing::Valid => tracing::info!("tls.certificate_file: {file}: valid from now on, until {until:.0}"),
+            Standing::NotYet => {
+                tracing::warn!(
+                    "tls.certificate_file: {file}: not valid before {from:.0}, browsers refuse it until then"
+                );
+            }
+            Standing::Expired => {
+                tracing::warn!("tls.certificate_file: {file}: expired at {until:.0}, browsers refuse it");
+            }
         }
     }
 }
@@ -82,7 +121,7 @@ fn stamp(files: &TlsConfig) -> Stamp {
     })
 }
 
-fn load(files: &TlsConfig) -> Result<ServerConfig, TlsError> {
+fn load(files: &TlsConfig) -> Result<(ServerConfig, Option<Validity>), TlsError> {
     let certificate = |what: &dyn std::fmt::Display| {
         TlsError(format!("tls.certificate_file: {}: {what}", files.certificate_file.display()))
     };
@@ -93,6 +132,7 @@ fn load(files: &TlsConfig) -> Result<ServerConfig, TlsError> {
     if chain.is_empty() {
         return Err(certificate(&"no certificate in it, expected PEM (-----BEGIN CERTIFICATE-----)"));
     }
+    let validity = Validity::of(&chain);
     let private = secret_file::read(&files.key_file).map_err(|e| TlsError(format!("tls.key_file: {e}")))?;
     let private = PrivateKeyDer::from_pem_slice(&private)
         .map_err(|_| key(&"no private key in it, expected PEM (-----BEGIN PRIVATE KEY-----)"))?;
@@ -103,5 +143,5 @@ fn load(files: &TlsConfig) -> Result<ServerConfig, TlsError> {
         .with_single_cert(chain, private)
         .map_err(|e| certificate(&format!("cannot be used with {}: {e}", files.key_file.display())))?;
     config.alpn_protocols = vec![b"http/1.1".to_vec()];
-    Ok(config)
+    Ok((config, validity))
 }

@@ -6,7 +6,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, ServerName};
 use rustls::{ClientConfig, ClientConnection, RootCertStore, StreamOwned};
 
@@ -15,10 +14,18 @@ use crate::common::{doorcam, stderr};
 
 /// Makes a certificate for localhost, writes it and its key, and returns it.
 fn certify(directory: &Path) -> CertificateDer<'static> {
-    let made = rcgen::generate_simple_self_signed(vec!["localhost".into()]).unwrap();
-    write_with_mode(&directory.join("key.pem"), &made.signing_key.serialize_pem(), 0o600);
-    std::fs::write(directory.join("cert.pem"), made.cert.pem()).unwrap();
-    CertificateDer::from_pem_slice(made.cert.pem().as_bytes()).unwrap()
+    certify_between(directory, 1975, 4096)
+}
+
+/// The same, valid from the beginning of one year to that of another.
+fn certify_between(directory: &Path, from: i32, until: i32) -> CertificateDer<'static> {
+    let mut params = rcgen::CertificateParams::new(vec!["localhost".into()]).unwrap();
+    (params.not_before, params.not_after) = (rcgen::date_time_ymd(from, 1, 1), rcgen::date_time_ymd(until, 1, 1));
+    let key = rcgen::KeyPair::generate().unwrap();
+    let made = params.self_signed(&key).unwrap();
+    write_with_mode(&directory.join("key.pem"), &key.serialize_pem(), 0o600);
+    std::fs::write(directory.join("cert.pem"), made.pem()).unwrap();
+    made.der().clone()
 }
 
 fn start(directory: &Path, environment: &[(&str, &str)]) -> Guarded {
@@ -146,4 +153,26 @@ fn a_certificate_or_key_that_cannot_be_used_is_refused() {
     assert!(refusal(&both).starts_with(&format!("tls.certificate_file: {c}: cannot be used with {k}: ")));
     std::fs::write(&certificate, "nothing").unwrap();
     assert!(refusal(&both).contains("no certificate in it"));
+}
+
+#[test]
+fn a_certificate_that_is_not_valid_now_is_used_but_not_without_a_word() {
+    let directory = tempfile::tempdir().unwrap();
+    certify_between(directory.path(), 2001, 2002);
+    let doorcam = start(directory.path(), &[]);
+    let said = doorcam.daemon.log();
+    let file = directory.path().join("cert.pem");
+    let expected = format!("tls.certificate_file: {}: expired at 2002-01-01T00:00:00Z", file.display());
+    assert_eq!(said.matches(&expected).count(), 1, "{said}");
+
+    let new = certify_between(directory.path(), 2001, 2100);
+    doorcam.daemon.wait_for_log("the new certificate is in use");
+    let metrics = ask(&doorcam, &new, &get("/metrics", "")).expect("an answer");
+    assert!(metrics.body.contains("doorcam_tls_certificate_expiry_seconds 4102444800\n"), "{}", metrics.body);
+    assert_eq!(doorcam.daemon.log().matches("browsers refuse it").count(), 1, "{}", doorcam.daemon.log());
+
+    certify_between(directory.path(), 2100, 2101);
+    doorcam.daemon.wait_for_log("not valid before 2100-01-01T00:00:00Z");
+    certify_between(directory.path(), 2003, 2004);
+    doorcam.daemon.wait_for_log("expired at 2004-01-01T00:00:00Z");
 }
