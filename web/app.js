@@ -6,7 +6,7 @@ import { LayerScales } from "./colour.js";
 import { Connection } from "./connection.js";
 import { byId, setText } from "./dom.js";
 import { UNKNOWN, amount } from "./format.js";
-import { judge } from "./freshness.js";
+import { judge, watchNow } from "./freshness.js";
 import { HealthCharts } from "./health/charts.js";
 import { Latency } from "./health/latency.js";
 import { Samples } from "./health/samples.js";
@@ -21,7 +21,7 @@ import { ResetButton } from "./panels/reset.js";
 import { showSource } from "./panels/source.js";
 import { showConnection, showStatus, showUpdate, showWatchState } from "./panels/status.js";
 import { Tooltip } from "./panels/tooltip.js";
-import { showTracks } from "./panels/tracks.js";
+import { showNobody, showTracks } from "./panels/tracks.js";
 import { UncertaintyLayer } from "./panels/uncertainty.js";
 import { Route } from "./route.js";
 import { choice, parts, remember } from "./view-settings.js";
@@ -183,7 +183,7 @@ function refreshConnection() {
   pause.follow(newest, connection.newestAtS, now);
   const calibrated = status?.calibrated !== false;
   const known = ["live", "paused", "waiting"].includes(verdict.connection);
-  const watch = newest?.state ?? status?.state ?? null;
+  const watch = watchNow(connection.evidence(now)).state;
   showWatchState(known && calibrated ? watch : null);
   const connected = connection.open && status !== null;
   recording.follow(status, connected);
@@ -191,6 +191,19 @@ function refreshConnection() {
   calibration.follow(status, connected);
   zones.follow(connected);
   return verdict.connection === "live" || verdict.connection === "paused";
+}
+
+/**
+ * Why nothing can be said about the room as it is shown; null if it can.
+ * @param {boolean} live
+ * @param {number} now
+ * @returns {string | null}
+ */
+function whyBlind(live, now) {
+  if (pause.held) return watchNow({ ageS: 0, watch: pause.held.state, status: null, statusAgeS: 0 }).why;
+  if (!connection.open) return "there is no connection";
+  const { why } = watchNow(connection.evidence(now));
+  return why ?? (live && connection.newest ? null : "there are no new frames");
 }
 
 function refreshPanels() {
@@ -202,6 +215,7 @@ function refreshPanels() {
   past.follow({ status, zones: map.geometry?.zones ?? [], connected, daemonMs: connection.clock.at(Date.now()), nowS: now });
   uncertainty.follow(connected && ready, newest, now);
   const shown = pause.held ?? newest;
+  showNobody(whyBlind(live, now));
   if (!shown || !map.geometry || !ready) return;
   const chosen = choice();
   const scale = scales.of(chosen);

@@ -4,6 +4,18 @@ import { sourceWords } from "./source-words.js";
 /** @import { Phase } from "./live.js" */
 /** @import { Status, WatchState } from "./types.js" */
 
+/** @type {Record<string, string>} Why doorcam is not watching, by the reason in its status. */
+const REASONS = {
+  opening: "the source is being opened",
+  "no-camera": "the camera is gone",
+  uncalibrated: "the camera is not calibrated",
+  learning: "the empty room is being learned",
+  relearning: "the empty room is being learned anew",
+  stale: "there are no new frames",
+  ended: "there are no more frames",
+  failed: "the source failed",
+};
+
 /** @typedef {"connecting" | "waiting" | "live" | "paused" | "stale" | "reconnecting"} Connection */
 
 /**
@@ -32,6 +44,19 @@ import { sourceWords } from "./source-words.js";
 export const staleAfterS = (fps) => Math.max(2, fps ? 5 / fps : 0);
 
 /**
+ * The state of now, and why doorcam is not watching; null while it is. The later word counts: the newest update, or the
+ * status, which is polled and changes with time alone.
+ * @param {Pick<Evidence, "ageS" | "watch" | "status" | "statusAgeS">} evidence
+ * @returns {{ state: WatchState | null, why: string | null }}
+ */
+export function watchNow({ ageS, watch, status, statusAgeS }) {
+  const isLater = ageS === null || ageS > statusAgeS;
+  const state = isLater ? (status?.state ?? watch) : watch;
+  const reason = (isLater ? status?.watching?.reason : null) ?? (state === "watching" ? null : state);
+  return { state, why: reason === null ? null : (REASONS[reason] ?? reason) };
+}
+
+/**
  * Whether what the map shows may be called live, and if not, what to say instead. The one rule:
  * an old picture is never passed off as the present.
  * @param {Evidence} evidence
@@ -58,7 +83,8 @@ export function judge(evidence) {
   if (trouble && ageS > statusAgeS) {
     return { connection: "stale", label: "Stale", notice: trouble + since };
   }
-  if (watch === "stale" || ageS > staleAfterS(status?.source.fps)) {
+  const now = watchNow(evidence).state;
+  if (watch === "stale" || now === "stale" || ageS > staleAfterS(status?.source.fps)) {
     return { connection: "stale", label: "Stale", notice: `Stale${since}` };
   }
   if (paused) return { connection: "paused", label: "Paused", notice: null };

@@ -37,7 +37,7 @@ macro_rules! problems {
 problems! {
     /// Not available yet; the detail says what is missing
     NotYet
-    /// Not ready: no fresh update, or the history cannot be read
+    /// Not ready: doorcam is not watching, or the history cannot be read
     NotReady
     /// Not found
     Unknown

@@ -17,7 +17,7 @@ use super::tag::{self, Tag};
 use crate::config::Config;
 use crate::history::HistoryReport;
 use crate::publish::PublishReport;
-use crate::watch::{Command, Status};
+use crate::watch::{Command, Status, Watching};
 use doorcam_core::geometry::{Doorway, Point, Room};
 use doorcam_core::schema;
 use doorcam_core::tracking::Zone;
@@ -109,7 +109,9 @@ pub(super) async fn geometry(State(shared): State<Shared>, asked: HeaderMap) -> 
 )]
 pub(super) async fn reconstruction(State(shared): State<Shared>) -> Response {
     match shared.hub.latest() {
-        Some(latest) => ([(header::CONTENT_TYPE, "application/json")], latest.json.to_string()).into_response(),
+        Some(latest) => {
+            ([(header::CONTENT_TYPE, "application/json")], shared.hub.json(&latest).to_string()).into_response()
+        }
         None => ProblemDetails::not_found("there is no update yet").into_response(),
     }
 }
@@ -205,16 +207,21 @@ pub(super) async fn reset_background(State(shared): State<Shared>) -> Response {
     ProblemDetails::conflict("the source has ended: no frames will come to learn from").into_response()
 }
 
-/// Whether updates are fresh.
+/// Whether doorcam is watching, as `watching` in the status says; the problem names the reason.
 #[utoipa::path(
     get, path = "/readyz", tag = STATE,
-    responses((status = 200, description = "Updates are fresh", body = String), (status = 503, response = NotReady))
+    responses((status = 200, description = "It is watching", body = String), (status = 503, response = NotReady))
 )]
 pub(super) async fn readyz(State(shared): State<Shared>) -> Response {
-    if shared.hub.is_fresh() {
-        return "ready\n".into_response();
+    let Watching { reason, since, .. } = shared.hub.watching();
+    match reason {
+        None => "ready\n".into_response(),
+        Some(reason) => {
+            let (name, words) = (reason.name(), reason.words());
+            let detail = format!("{name}: not watching since {since:.0}: {words}; see /api/v1/status");
+            ProblemDetails::unavailable(&detail).into_response()
+        }
     }
-    ProblemDetails::unavailable("no fresh update: see /api/v1/status").into_response()
 }
 
 /// Whether the process answers at all.
@@ -234,5 +241,8 @@ pub(super) async fn livez() -> &'static str {
 pub(super) async fn prometheus(State(shared): State<Shared>) -> Response {
     metrics::gauge!("doorcam_clients").set(shared.clients.load(Ordering::Relaxed) as f64);
     let kind = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
-    (kind, shared.metrics.as_ref().map(PrometheusHandle::render).unwrap_or_default()).into_response()
+    let mut text = shared.metrics.as_ref().map(PrometheusHandle::render).unwrap_or_default();
+    // Not by way of the recorder: whether doorcam is watching changes with time alone, and is one answer.
+    text.push_str(&shared.hub.watching().exposition());
+    (kind, text).into_response()
 }

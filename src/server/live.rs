@@ -97,8 +97,11 @@ async fn serve(mut socket: WebSocket, shared: Shared) {
                 let latest = updates.borrow_and_update().clone();
                 let Some(latest) = latest else { continue };
                 let sequence = latest.update.sequence;
-                let missed = last.replace(sequence).map_or(0, |last: u64| sequence.saturating_sub(last + 1));
-                Message::Text(text(&latest.json, missed))
+                match last.replace(sequence) {
+                    Some(last) => Message::Text(text(&latest.json, sequence.saturating_sub(last + 1))),
+                    // What a client gets first may be minutes old.
+                    None => Message::Text(text(&shared.hub.json(&latest), 0)),
+                }
             }
             received = socket.recv() => match received {
                 Some(Ok(Message::Close(_)) | Err(_)) | None => return,

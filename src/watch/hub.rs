@@ -9,10 +9,11 @@ use utoipa::ToSchema;
 
 use crate::config::{Config, Preset, TrackerConfig};
 use crate::feed::SourceInfo;
-use crate::watch::TrackHistory;
 use crate::watch::meters::Meters;
 use crate::watch::recent::Recent;
 use crate::watch::tap::Tap;
+use crate::watch::watching::{Observed, Watching};
+use crate::watch::TrackHistory;
 use doorcam_core::solver::ModelKind;
 use doorcam_core::tracking::{Event, Zone};
 use doorcam_engine::{BackgroundReport, Published, State, Update, Watched};
@@ -32,6 +33,9 @@ pub struct CapturedImages {
     pub at: Instant,
 }
 
+/// An update older than this, in seconds, is stale however slowly its source gives frames.
+const LONGEST_FRESH_S: f64 = 3600.0;
+
 /// Called with every update on the solver thread, so it must return at once.
 type Listener = Box<dyn Fn(&Update) + Send + Sync>;
 
@@ -49,7 +53,6 @@ pub struct Hub {
     tap: Tap,
     meters: Meters,
     started: Instant,
-    stale_after: Duration,
 }
 
 #[derive(Default)]
@@ -59,7 +62,7 @@ struct Zoned {
 }
 
 struct Counters {
-    state: State,
+    observed: Observed,
     condition: Condition,
     frames: Frames,
     captured: Rate,
@@ -93,6 +96,8 @@ pub struct Status {
     pub version: &'static str,
     /// Whether the map can be trusted.
     pub state: State,
+    /// Whether doorcam is watching, and if not, why.
+    pub watching: Watching,
     /// The daemon's current time, for clients that compute the age of an update.
     pub time: Timestamp,
     /// Seconds since the start.
@@ -200,9 +205,10 @@ impl Hub {
     /// A hub without updates. `watched` is `None` as long as there is no calibration.
     pub fn new(watched: Option<Watched>, preset: Option<Preset>, source: SourceInfo) -> Self {
         // The same rule as on the page: stale after five frame intervals, but not before two seconds.
-        let stale_after = Duration::from_secs_f64((5.0 / source.fps).max(2.0));
+        let stale_after = Duration::from_secs_f64((5.0 / source.fps).max(2.0).min(LONGEST_FRESH_S));
+        let started = Instant::now();
         let counters = Counters {
-            state: State::Learning,
+            observed: Observed::new(stale_after, watched.is_some(), started, Timestamp::now()),
             condition: Condition { state: SourceState::Opening, reason: None, granted: None },
             frames: Frames::default(),
             captured: Rate::default(),
@@ -220,8 +226,7 @@ impl Hub {
             counters: Mutex::new(counters),
             tap: Tap::default(),
             meters: Meters::new(),
-            started: Instant::now(),
-            stale_after,
+            started,
         }
     }
 
@@ -271,9 +276,14 @@ impl Hub {
         lock(&self.recent).events(after, limit)
     }
 
+    /// Whether doorcam is watching now, and if not, why: the one answer for everybody who asks.
+    pub fn watching(&self) -> Watching {
+        lock(&self.counters).observed.watching(Instant::now())
+    }
+
     /// Whether the map can be trusted.
     pub fn state(&self) -> State {
-        if self.latest().is_some() && !self.is_fresh() { State::Stale } else { lock(&self.counters).state }
+        self.watching().state
     }
 
     /// What the updates describe; `None` before there is a calibration.
@@ -315,27 +325,33 @@ impl Hub {
         self.latest.borrow().clone()
     }
 
+    /// An update as JSON. One that does not show the present any more says so in its `state`.
+    pub fn json(&self, published: &Published) -> Arc<str> {
+        match self.state() {
+            // Serialisation cannot fail, because all keys are strings.
+            state @ State::Stale => serde_json::to_string(&Update { state, ..published.update.clone() })
+                .map_or_else(|_| Arc::clone(&published.json), Arc::from),
+            _ => Arc::clone(&published.json),
+        }
+    }
+
     /// A receiver that is notified of each update; a slow reader sees only the newest.
     pub fn subscribe(&self) -> watch::Receiver<Option<Arc<Published>>> {
         self.latest.subscribe()
-    }
-
-    /// Whether the newest update is recent enough to show the present.
-    pub fn is_fresh(&self) -> bool {
-        self.latest().is_some_and(|p| p.at.elapsed() <= self.stale_after)
     }
 
     /// The complete status, with `clients` as the number of live clients.
     pub fn status(&self, clients: usize) -> Status {
         let now = Instant::now();
         let last = self.latest();
-        let state = self.state();
         let watched = self.watched();
         let mut counters = lock(&self.counters);
         let counters = &mut *counters;
+        let watching = counters.observed.watching(now);
         Status {
             version: env!("CARGO_PKG_VERSION"),
-            state,
+            state: watching.state,
+            watching,
             time: Timestamp::now(),
             uptime_s: self.started.elapsed().as_secs_f64(),
             model: watched.as_ref().map(|w| w.model.kind.name()),
@@ -361,7 +377,7 @@ impl Hub {
 
     pub(crate) fn publish(&self, published: Published) {
         let mut counters = lock(&self.counters);
-        counters.state = published.update.state;
+        counters.observed.updated(published.update.state, published.at, Timestamp::now());
         counters.frames.solved += 1;
         counters.solved.count(published.at);
         drop(counters);
@@ -373,6 +389,7 @@ impl Hub {
 
     pub(super) fn watch(&self, watched: Watched) {
         *lock(&self.watched) = Some(watched);
+        lock(&self.counters).observed.calibrated(Instant::now(), Timestamp::now());
     }
 
     pub(super) fn captured(&self, frame: &RawFrame, time: Timestamp) {
@@ -383,6 +400,7 @@ impl Hub {
         counters.frames.captured += 1;
         if counters.condition.state == SourceState::Opening {
             counters.condition.state = SourceState::Streaming;
+            counters.observed.source_is(SourceState::Streaming, Instant::now(), Timestamp::now());
             self.meters.source_is(SourceState::Streaming);
         }
         self.meters.captured.increment(1);
@@ -424,6 +442,7 @@ impl Hub {
         // Keep an error visible when the end of the source follows it.
         if counters.condition.state != SourceState::Failed {
             self.meters.source_is(condition.state);
+            counters.observed.source_is(condition.state, Instant::now(), Timestamp::now());
             counters.condition = condition;
         }
     }

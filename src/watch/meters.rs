@@ -5,7 +5,7 @@ use metrics::{
 };
 
 use doorcam_core::tracking::TrackState;
-use doorcam_engine::{SolutionReport, State, Timing, Update};
+use doorcam_engine::{SolutionReport, Timing, Update};
 use doorcam_source::SourceState;
 
 /// Handles to the metrics, created once so that counting a frame needs no lookup.
@@ -17,7 +17,6 @@ pub(super) struct Meters {
     pub(super) skipped: Counter,
     pub(super) failed: Counter,
     source: Vec<(SourceState, Gauge)>,
-    watch: Vec<(State, Gauge)>,
     stages: [Histogram; 7],
     background_age: Gauge,
     gap: Gauge,
@@ -34,9 +33,6 @@ const SOURCE_STATES: [(SourceState, &str); 7] = [
     (SourceState::Failed, "failed"),
 ];
 
-const WATCH_STATES: [(State, &str); 3] =
-    [(State::Learning, "learning"), (State::Watching, "watching"), (State::Relearning, "relearning")];
-
 const STAGES: [&str; 7] = ["decode", "rectify", "background", "project", "solve", "track", "total"];
 
 impl Meters {
@@ -49,7 +45,6 @@ impl Meters {
         describe_counter!("doorcam_frames_skipped_total", "Frames that were missing or broken");
         describe_counter!("doorcam_frames_failed_total", "Frames that were lost to an internal error");
         describe_gauge!("doorcam_source_state", "1 for the current state of the source");
-        describe_gauge!("doorcam_state", "1 for the state of the newest update");
         describe_histogram!("doorcam_stage_seconds", "Time that each stage took for a frame");
         describe_gauge!(
             "doorcam_background_age_seconds",
@@ -66,7 +61,6 @@ impl Meters {
             skipped: counter!("doorcam_frames_skipped_total"),
             failed: counter!("doorcam_frames_failed_total"),
             source: SOURCE_STATES.map(|(state, name)| (state, gauge!("doorcam_source_state", "state" => name))).into(),
-            watch: WATCH_STATES.map(|(state, name)| (state, gauge!("doorcam_state", "state" => name))).into(),
             stages: STAGES.map(|stage| histogram!("doorcam_stage_seconds", "stage" => stage)),
             background_age: gauge!("doorcam_background_age_seconds"),
             gap: gauge!("doorcam_solution_gap"),
@@ -79,7 +73,6 @@ impl Meters {
             counter.increment(0);
         }
         meters.source_is(SourceState::Opening);
-        meters.watch_is(State::Learning);
         meters
     }
 
@@ -87,14 +80,9 @@ impl Meters {
         self.source.iter().for_each(|(state, gauge)| gauge.set(f64::from(*state == now)));
     }
 
-    pub(super) fn watch_is(&self, now: State) {
-        self.watch.iter().for_each(|(state, gauge)| gauge.set(f64::from(*state == now)));
-    }
-
-    /// Records an update's state and the time that each of its stages took.
+    /// Records an update and the time that each of its stages took.
     pub(super) fn publish(&self, update: &Update) {
         self.solved.increment(1);
-        self.watch_is(update.state);
         let Timing { decode, rectify, background, project, solve, track, total } = update.timing_ms;
         for (histogram, ms) in self.stages.iter().zip([decode, rectify, background, project, solve, track, total]) {
             histogram.record(ms / 1e3);

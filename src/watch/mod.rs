@@ -12,6 +12,7 @@ mod recent;
 mod recordings;
 mod run;
 mod tap;
+mod watching;
 mod zones;
 
 pub use calibration_store::{CalibrationStore, StoreError};
@@ -21,4 +22,5 @@ pub use mailbox::{Mailbox, Put, Taken};
 pub use recent::{PathPoint, TrackHistory};
 pub use recordings::{RecordingRefused, RecordingReport, RecordingWish, Recordings};
 pub use run::{Command, Control, Running, start};
+pub use watching::{Reason, Watching, state_name};
 pub use zones::{ZoneKeeper, ZoneOrigin, ZonesRefused};

@@ -38,5 +38,6 @@ mod reload;
 mod replay;
 mod simulate;
 mod uncertainty;
+mod watching;
 mod webhooks;
 mod zones;

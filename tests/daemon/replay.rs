@@ -152,7 +152,7 @@ fn a_background_in_the_middle_of_a_recording_is_waited_for() {
     let daemon = Daemon::start(&format!("replay:{},rate=max", dir.path().display()), &[]);
     let status = daemon.wait_for("the end", |s| s["source"]["state"] == "ended");
     assert_eq!(status["frames"]["solved"], 8);
-    assert_eq!(daemon.json("/api/v1/reconstruction")["state"], "watching");
+    assert_eq!(daemon.json("/api/v1/reconstruction")["frame"], 7);
 }
 
 #[test]
@@ -207,6 +207,7 @@ fn figures_are_there_for_prometheus() {
     assert_eq!(value("doorcam_frames_lost_total"), 0.0);
     assert_eq!(value("doorcam_source_state{state=\"ended\"}"), 1.0);
     assert_eq!(value("doorcam_source_state{state=\"streaming\"}"), 0.0);
-    assert_eq!(value("doorcam_state{state=\"watching\"}"), 1.0);
+    let states = ["learning", "watching", "relearning", "stale"];
+    assert_eq!(states.map(|state| value(&format!("doorcam_state{{state=\"{state}\"}}"))).iter().sum::<f64>(), 1.0);
     assert_eq!(value("doorcam_stage_seconds_count{stage=\"solve\"}"), value("doorcam_frames_solved_total"));
 }

@@ -29,7 +29,7 @@ export function showSource({ source, background, publish }) {
   mismatches.forEach((mismatch, row) => setText(list.children[row], mismatch));
   show("background-row", "background", background ? ofFrames(background) : null);
   const { mqtt, webhooks } = publish;
-  show("broker-row", "broker", mqtt && (mqtt.state === "connected" ? `connected, ${mqtt.topic}` : `${mqtt.error ?? "connecting"}`));
+  show("broker-row", "broker", mqtt && (mqtt.state === "connected" ? `connected, ${mqtt.topic}` : `${mqtt.error ?? "connecting"}`) + (mqtt.warning ? `; ${mqtt.warning}` : ""));
   const total = (/** @type {"delivered" | "waiting" | "dead"} */ what) => webhooks.reduce((sum, hook) => sum + hook[what], 0);
   const failed = webhooks.find(({ error }) => error)?.error;
   const counts = `${total("delivered")} delivered, ${total("waiting")} waiting, ${total("dead")} given up${failed ? `; ${failed}` : ""}`;

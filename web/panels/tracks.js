@@ -4,6 +4,14 @@ import { duration, fixed, position } from "../format.js";
 /** @import { Occupancy, Track } from "../types.js" */
 
 /**
+ * That nobody is seen means something only while somebody would be.
+ * @param {string | null} why  doorcam is not watching; null: it is
+ */
+export function showNobody(why) {
+  setText(byId("tracks-none"), why === null ? "Nobody is seen right now." : `Not watching: ${why}.`);
+}
+
+/**
  * @param {Track[]} tracks
  * @param {Occupancy[]} zones
  */
