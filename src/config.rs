@@ -21,7 +21,7 @@ pub use history::HistoryConfig;
 pub use publish::{HookUrl, MqttConfig, SiteConfig, WebhookConfig, topic_level};
 use serde::{Deserialize, Serialize};
 pub use tls::TlsConfig;
-pub use tracking::{TrackerConfig, check_zones};
+pub use tracking::{LONGEST_ZONE_ID, TrackerConfig, check_zones};
 use utoipa::ToSchema;
 
 use doorcam_core::geometry::{GridSpec, Point, Room};
@@ -36,6 +36,12 @@ use doorcam_core::transport::Kernel;
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct ConfigError(String);
+
+impl ConfigError {
+    pub(crate) fn new(text: String) -> Self {
+        Self(text)
+    }
+}
 
 /// The whole configuration.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
@@ -334,6 +340,14 @@ fn check_lambda(key: &str, lambda: f64) -> Result<(), ConfigError> {
         return Ok(());
     }
     Err(ConfigError(format!("{key} is {lambda}, expected \"auto\" or a number above 0")))
+}
+
+/// The beginning of a text that may be long, for messages.
+fn brief(text: &str) -> String {
+    const MOST: usize = 80;
+    let mut characters = text.chars();
+    let begin: String = characters.by_ref().take(MOST).collect();
+    if characters.next().is_some() { format!("{begin}...") } else { begin }
 }
 
 fn within(key: &str, value: f64, low: f64, high: f64, unit: &str) -> Result<(), ConfigError> {

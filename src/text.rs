@@ -4,10 +4,12 @@ use std::borrow::Cow;
 use std::fmt::{self, Write};
 
 /// Whether a character is not itself shown but changes how what follows is shown: control characters (line breaks and
-/// the beginnings of terminals' commands are some), the line breaks of Unicode, and those that reverse the direction of
-/// text.
+/// the beginnings of terminals' commands are some), the line breaks of Unicode, byte order marks, and those that change
+/// the direction of text.
 pub fn is_control(c: char) -> bool {
-    c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    let of_unicode =
+        matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{feff}');
+    c.is_control() || of_unicode
 }
 
 /// The text with each such character written out: `\n`, `\u{1b}`.

@@ -20,7 +20,7 @@
  * @property {number} [zones_revision]  goes up with every change of the zones
  */
 
-/** @typedef {{ name: string, polygon_m: Point[] }} Zone */
+/** @typedef {{ id?: string, name: string, polygon_m: Point[] }} Zone  the id is the daemon's: a zone that is sent back with it stays the same */
 /** @typedef {{ origin: "config" | "saved" | "run", zones: (Zone & { people: number, tracks: number[] })[] }} ZonesDocument */
 /** @typedef {{ name: string, people: number, tracks: number[] }} Occupancy  who is in a zone */
 
@@ -91,13 +91,23 @@
  * @property {Granted | null} granted
  */
 
-/** @typedef {{ state: "connecting" | "connected", broker: string, topic: string, error: string | null }} Broker */
+/** @typedef {{ state: "connecting" | "connected", broker: string, topic: string, error: string | null, warning?: string | null }} Broker */
 /** @typedef {{ url: string, waiting: number, delivered: number, dead: number, error: string | null }} Webhook */
+
+/**
+ * Whether doorcam is watching, and if not, why.
+ * @typedef {object} Watching
+ * @property {boolean} watching
+ * @property {string | null} reason
+ * @property {string} since
+ * @property {string | null} until
+ */
 
 /**
  * @typedef {object} Status
  * @property {string} version
  * @property {WatchState} state
+ * @property {Watching} [watching]
  * @property {string} time  the daemon's clock
  * @property {number} uptime_s
  * @property {string | null} model  null before there is a calibration

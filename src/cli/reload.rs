@@ -63,7 +63,7 @@ impl<Again: Fn() -> anyhow::Result<Config>> Reloader<Again> {
         let [now, learning, restart] = [Takes::Nothing, Takes::Learning, Takes::Restart].map(keys);
         if !now.is_empty() {
             used.adopt(next, Takes::Nothing);
-            self.zones.reconfigure(used.zones.clone());
+            self.zones.reconfigure(&used.zones);
             self.history.limit(Kept::of(&used, self.kind).limits);
             tracing::info!("reloaded, in use now: {now}");
         }

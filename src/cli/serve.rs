@@ -9,7 +9,7 @@ use doorcam::history::{History, Kept, Numbers};
 use doorcam::publish::Publishers;
 use doorcam::server::{Access, Backend, Server, Tls};
 use doorcam::text::one_line;
-use doorcam::watch::{CalibrationStore, Calibrator, Hub, Keeping, Recordings, ZoneKeeper, ZoneOrigin, start};
+use doorcam::watch::{CalibrationStore, Calibrator, Hub, Keeping, Recordings, ZoneIds, ZoneKeeper, ZoneOrigin, start};
 use doorcam_core::calibration::Calibration;
 use doorcam_engine::{Assembly, Engine, Work};
 use doorcam_source::recording::Manifest;
@@ -192,10 +192,19 @@ fn serve(
     let directory = config.storage.directory();
     // Zones drawn on a replayed or simulated room must not replace those of the camera that uses the default directory.
     let own_place = manifest.is_none() || !config.storage.directory.as_os_str().is_empty();
-    let zones_file = directory.as_ref().filter(|_| own_place).map(|directory| directory.join("zones.json"));
+    let own_directory = directory.as_ref().filter(|_| own_place);
+    let zones_file = own_directory.map(|directory| directory.join("zones.json"));
     let saved = zones_file.as_deref().map(ZoneKeeper::load).transpose()?.flatten();
     let origin = if saved.is_some() { ZoneOrigin::Saved } else { ZoneOrigin::Config };
+    let mut zone_ids = ZoneIds::load(zones_file.as_ref().map(|file| file.with_file_name("zone-ids.json")))?;
+    // Those in use first: their ids are known elsewhere.
+    let saved = saved.map(|zones| zone_ids.identified(&zones));
+    let configured = zone_ids.identified(&config.zones);
+    if let Err(e) = zone_ids.save() {
+        tracing::warn!("{e}: ids of zones are kept for this run only");
+    }
     let mut used = config.clone();
+    used.zones.clone_from(&configured);
     if let (Some(zones), Some(file)) = (saved, &zones_file) {
         tracing::info!("{}: its zones are used, not those of the configuration", file.display());
         engine.iter_mut().for_each(|engine| engine.use_zones(zones.clone()));
@@ -239,7 +248,7 @@ fn serve(
         let calibrator = Calibrator::new(assembly, keeping, calibration, size, Arc::clone(&hub), control);
         let calibrator = Arc::new(calibrator.context("cannot start the thread that builds calibrations")?);
         let zones = Arc::new(ZoneKeeper::new(
-            config.zones.clone(),
+            (configured, zone_ids),
             zones_file,
             origin,
             Arc::clone(&hub),

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::{ConfigError, within};
+use super::{ConfigError, brief, topic_level, within};
 use doorcam_core::geometry::Room;
 use doorcam_core::tracking::likelihood::MOST_PEOPLE;
 use doorcam_core::tracking::{Dwelling, TrackerSettings, Zone};
@@ -12,6 +12,8 @@ use doorcam_core::tracking::{Dwelling, TrackerSettings, Zone};
 const MOST_ZONES: usize = 32;
 /// Most characters in a zone's name.
 const LONGEST_NAME: usize = 40;
+/// Most characters in a zone's id, which is a level of topics.
+pub const LONGEST_ZONE_ID: usize = 64;
 
 /// `[tracker]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -80,24 +82,39 @@ impl TrackerConfig {
     }
 }
 
-/// Checks that each zone has its own name and corners that enclose an area.
+/// Checks that each zone has its own name and id, and corners that enclose an area.
 ///
 /// # Errors
 ///
-/// If there are too many zones, or one has a missing, overlong or repeated name or an invalid polygon.
+/// If there are too many zones, or one has a missing, overlong or repeated name, an id that is not of letters, digits,
+/// `-` and `_` or is repeated, or an invalid polygon.
 pub fn check_zones(zones: &[Zone]) -> Result<(), ConfigError> {
     if zones.len() > MOST_ZONES {
         return Err(ConfigError(format!("zones: there are {}, expected at most {MOST_ZONES}", zones.len())));
     }
     for (k, zone) in zones.iter().enumerate() {
-        let Zone { name, .. } = zone;
-        if name.trim().is_empty() || name.chars().count() > LONGEST_NAME || name.chars().any(crate::text::is_control) {
-            let what =
-                format!("zones: the name of zone {} is {name:?}, expected 1 to {LONGEST_NAME} characters", k + 1);
-            return Err(ConfigError(what));
+        let Zone { name, id, .. } = zone;
+        let what = |what: String| Err(ConfigError(format!("zones: {what}")));
+        if name.trim().is_empty() || name.chars().nth(LONGEST_NAME).is_some() {
+            let name = brief(name);
+            return what(format!("the name of zone {} is {name:?}, expected 1 to {LONGEST_NAME} characters", k + 1));
+        }
+        if name.chars().any(crate::text::is_control) {
+            return what(format!("the name of zone {} is {name:?}, expected characters that can be seen", k + 1));
         }
         if zones[..k].iter().any(|other| other.name == *name) {
-            return Err(ConfigError(format!("zones: two are named \"{name}\", expected each name once")));
+            return what(format!("two are named \"{name}\", expected each name once"));
+        }
+        if let Some(id) = id {
+            if id.is_empty() || topic_level(id) != *id {
+                let id = brief(id);
+                return what(format!(
+                    "the id of \"{name}\" is {id:?}, expected 1 to {LONGEST_ZONE_ID} of a-z, A-Z, 0-9, - and _"
+                ));
+            }
+            if zones[..k].iter().any(|other| other.id.as_ref() == Some(id)) {
+                return what(format!("two have the id \"{id}\", expected each id once"));
+            }
         }
         zone.check().map_err(|e| ConfigError(format!("zones: polygon_m of \"{name}\" {e}")))?;
     }
@@ -132,6 +149,19 @@ mod tests {
         let crossing = error(zone("sofa", "[[0, 0], [1, 1], [1, 0], [0, 1]]"));
         assert!(crossing.starts_with("zones: polygon_m of \"sofa\" crosses or touches itself"), "{crossing}");
         assert!(error(zone(" ", "[[0, 0], [1, 1], [1, 0]]")).starts_with("zones: the name of zone 1 is \" \""));
+        for name in ["a\\nb", "a\\u001b[31m", "a\\u2028b", "a\\u202eb"] {
+            assert!(error(zone(name, "[[0, 0], [1, 1], [1, 0]]")).contains("expected characters that can be seen"));
+        }
+        let long = error(zone(&"Ж".repeat(100_000), "[[0, 0], [1, 1], [1, 0]]"));
+        assert!(long.ends_with("expected 1 to 40 characters") && long.len() < 300, "{long}");
+        assert!(Config::parse(&zone(&"Ж".repeat(40), "[[0, 0], [1, 1], [1, 0]]")).is_ok());
+        for id in ["", "a b", "a/b", "+", "#", "Ж", "a\\u0000b", &"a".repeat(65)] {
+            let said = error(zone("sofa", &format!("[[0, 0], [1, 1], [1, 0]]\nid = \"{id}\"")));
+            assert!(said.starts_with("zones: the id of \"sofa\" is ") && said.len() < 300, "{said}");
+        }
+        let same = |name| zone(name, "[[0, 0], [1, 1], [1, 0]]\nid = \"x\"");
+        let twice = error(format!("{}{}", same("bed"), same("sofa")));
+        assert_eq!(twice, "zones: two have the id \"x\", expected each id once");
         assert!(error("[[zones]]\nname = \"x\"\n".into()).contains("polygon_m"));
         assert!(error(good.replace("polygon_m", "polygon")).contains("unknown field `polygon`"));
     }

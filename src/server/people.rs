@@ -59,6 +59,8 @@ pub(super) struct Zones {
 /// A zone and who is in it.
 #[derive(Serialize, ToSchema)]
 struct Occupied {
+    /// Identifies it, also after it was renamed.
+    id: String,
     /// Its name.
     name: String,
     /// Its corners in order, in metres in the door frame.
@@ -125,9 +127,10 @@ fn current(hub: &Hub) -> Tracks {
 fn occupied(hub: &Hub, origin: ZoneOrigin) -> Zones {
     let latest = hub.latest();
     let update = latest.as_ref().map(|latest| &latest.update);
-    let occupied = |Zone { name, polygon_m }: &Zone| {
+    let occupied = |Zone { name, id, polygon_m }: &Zone| {
         let now = update.and_then(|update| update.zones.iter().find(|zone| zone.name == *name));
         Occupied {
+            id: id.clone().unwrap_or_default(),
             name: name.clone(),
             polygon_m: polygon_m.clone(),
             people: now.map_or(0, |zone| zone.people),
@@ -167,8 +170,7 @@ mod tests {
     fn before_the_first_update_nobody_is_there() {
         let tracks = json!({"sequence": null, "time": null, "state": "learning", "tracks": []});
         assert_eq!(text(current(&hub())), tracks);
-        let zone =
-            json!({"name": "bed", "polygon_m": [[-1.0, 1.0], [1.0, 1.0], [1.0, 2.0]], "people": 0, "tracks": []});
+        let zone = json!({"id": "bed", "name": "bed", "polygon_m": [[-1.0, 1.0], [1.0, 1.0], [1.0, 2.0]], "people": 0, "tracks": []});
         assert_eq!(
             text(occupied(&hub(), ZoneOrigin::Config)),
             json!({"sequence": null, "time": null, "state": "learning", "origin": "config", "zones": [zone]})

@@ -13,7 +13,7 @@ use crate::watch::meters::Meters;
 use crate::watch::recent::Recent;
 use crate::watch::tap::Tap;
 use crate::watch::watching::{Observed, Watching};
-use crate::watch::TrackHistory;
+use crate::watch::{TrackHistory, ZoneIds};
 use doorcam_core::solver::ModelKind;
 use doorcam_core::tracking::{Event, Zone};
 use doorcam_engine::{BackgroundReport, Published, State, Update, Watched};
@@ -233,7 +233,7 @@ impl Hub {
     /// Takes the zones and the length of the paths to keep from the configuration.
     pub fn configured(mut self, config: &Config) -> Self {
         self.recent = Mutex::new(Recent::new(config.tracker.history_s));
-        lock(&self.zones).zones.clone_from(&config.zones);
+        lock(&self.zones).zones = ZoneIds::default().identified(&config.zones);
         self
     }
 
@@ -248,7 +248,7 @@ impl Hub {
         self
     }
 
-    /// The zones in use.
+    /// The zones in use, each with its id.
     pub fn zones(&self) -> Vec<Zone> {
         lock(&self.zones).zones.clone()
     }

@@ -13,6 +13,7 @@ mod recordings;
 mod run;
 mod tap;
 mod watching;
+mod zone_ids;
 mod zones;
 
 pub use calibration_store::{CalibrationStore, StoreError};
@@ -23,4 +24,5 @@ pub use recent::{PathPoint, TrackHistory};
 pub use recordings::{RecordingRefused, RecordingReport, RecordingWish, Recordings};
 pub use run::{Command, Control, Running, start};
 pub use watching::{Reason, Watching, state_name};
+pub use zone_ids::ZoneIds;
 pub use zones::{ZoneKeeper, ZoneOrigin, ZonesRefused};

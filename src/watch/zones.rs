@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::config::{ConfigError, check_zones};
-use crate::watch::{Command, Control, Hub};
+use crate::watch::{Command, Control, Hub, ZoneIds};
 use doorcam_core::tracking::Zone;
 use doorcam_source::files::replace;
 
@@ -50,6 +50,7 @@ pub struct ZoneKeeper {
 struct State {
     configured: Vec<Zone>,
     origin: ZoneOrigin,
+    ids: ZoneIds,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -59,16 +60,16 @@ struct Kept {
 }
 
 impl ZoneKeeper {
-    /// For the run that `control` commands. `configured` are the configuration's zones; `origin` says where those in
-    /// use come from.
+    /// For the run that `control` commands. `configured` are the configuration's zones, with the `ids` that they and
+    /// others were given; `origin` says where those in use come from.
     pub fn new(
-        configured: Vec<Zone>,
+        (configured, ids): (Vec<Zone>, ZoneIds),
         file: Option<PathBuf>,
         origin: ZoneOrigin,
         hub: Arc<Hub>,
         control: Control,
     ) -> Self {
-        Self { file, hub, control, state: Mutex::new(State { configured, origin }) }
+        Self { file, hub, control, state: Mutex::new(State { configured, origin, ids }) }
     }
 
     /// The zones saved in a file, or `None` if it does not exist.
@@ -93,21 +94,31 @@ impl ZoneKeeper {
     }
 
     /// Takes over the zones of a reloaded configuration. Drawn zones stay in use.
-    pub fn reconfigure(&self, zones: Vec<Zone>) {
+    pub fn reconfigure(&self, zones: &[Zone]) {
         let mut state = self.state();
+        let zones = state.ids.identified(zones);
+        if let Err(e) = state.ids.save() {
+            tracing::warn!("{e}: ids of zones are kept for this run only");
+        }
         state.configured.clone_from(&zones);
         if state.origin == ZoneOrigin::Config {
             self.go_on_with(zones);
         }
     }
 
-    /// Uses other zones from the next frame on and saves them if storage is configured.
+    /// Uses other zones from the next frame on and saves them if storage is configured. A zone without an id keeps that
+    /// of the zone of its name, or gets one of its own.
     ///
     /// # Errors
     /// If they are not valid or cannot be saved.
     pub fn replace(&self, zones: Vec<Zone>) -> Result<(), ZonesRefused> {
         check_zones(&zones)?;
         let mut state = self.state();
+        let mut ids = state.ids.clone();
+        let zones = ids.drawn(zones, &self.hub.zones())?;
+        // Before the zones: an id that is in use must never be forgotten.
+        ids.save()?;
+        state.ids = ids;
         let next = match &self.file {
             Some(file) => {
                 let mut text = serde_json::to_vec_pretty(&Kept { zones: zones.clone() }).unwrap_or_default();

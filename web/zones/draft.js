@@ -3,7 +3,7 @@
 const MOST_UNDO = 100;
 // As the daemon has it.
 const LEAST_M2 = 0.01;
-const LONGEST_NAME = 64;
+export const LONGEST_NAME = 40;
 
 /** The zones as somebody draws them, with every step back. */
 export class ZoneDraft {
@@ -71,7 +71,7 @@ export class ZoneDraft {
   problem(index) {
     const { name, polygon_m } = this.zones[index];
     if (name.trim() === "") return "Give it a name.";
-    if (name.length > LONGEST_NAME) return `A name has at most ${LONGEST_NAME} characters.`;
+    if ([...name].length > LONGEST_NAME) return `A name has at most ${LONGEST_NAME} characters.`;
     if (this.zones.some((other, k) => k !== index && other.name === name)) return `Another zone is named “${name}”.`;
     if (crossesItself(polygon_m)) return "Its border crosses itself.";
     return areaOf(polygon_m) < LEAST_M2 ? "It is too small." : null;

@@ -3,7 +3,7 @@ import { byId, isUnavailable, resizeList, setText, setUnavailable } from "../dom
 import { askToDrop } from "../drop.js";
 import { fixed } from "../format.js";
 import { ZoneCanvas } from "./canvas.js";
-import { ZoneDraft, areaOf } from "./draft.js";
+import { LONGEST_NAME, ZoneDraft, areaOf } from "./draft.js";
 
 /** @import { RoomMap } from "../map/map.js" */
 /** @import { Point, ZonesDocument } from "../types.js" */
@@ -99,7 +99,7 @@ export class ZonesView {
   #take(document) {
     if (!this.shown) return;
     this.document = document;
-    this.draft = new ZoneDraft(document.zones.map(({ name, polygon_m }) => ({ name, polygon_m })));
+    this.draft = new ZoneDraft(document.zones.map(({ id, name, polygon_m }) => ({ id, name, polygon_m })));
     this.canvas.edit(this.draft);
     this.#refresh();
   }
@@ -222,7 +222,7 @@ export class ZonesView {
     const item = document.createElement("li");
     const input = document.createElement("input");
     input.type = "text";
-    input.maxLength = 64;
+    input.maxLength = LONGEST_NAME;
     input.addEventListener("focus", () => {
       if (this.canvas.chosen !== index) this.#choose(index);
     });

@@ -82,7 +82,7 @@ mod tests {
 
     fn people() -> People {
         let polygon_m = vec![[-1.0, 1.0], [1.0, 1.0], [1.0, 2.0], [-1.0, 2.0]];
-        People::new(&Settings { zones: vec![Zone { name: "bed".into(), polygon_m }], ..Settings::default() })
+        People::new(&Settings { zones: vec![Zone { name: "bed".into(), id: None, polygon_m }], ..Settings::default() })
     }
 
     fn watch(people: &mut People, from: i64, count: i64) -> PeopleReport {

@@ -262,7 +262,7 @@ mod tests {
     }
 
     fn bed() -> Zone {
-        Zone { name: "bed".into(), polygon_m: vec![[0.5, 1.0], [1.5, 1.0], [1.5, 2.0], [0.5, 2.0]] }
+        Zone { name: "bed".into(), id: None, polygon_m: vec![[0.5, 1.0], [1.5, 1.0], [1.5, 2.0], [0.5, 2.0]] }
     }
 
     fn events() -> Events {
@@ -271,7 +271,7 @@ mod tests {
 
     #[test]
     fn other_zones_keep_who_is_in_them_and_let_go_who_was_in_one_that_is_gone() {
-        let desk = || Zone { name: "desk".into(), polygon_m: bed().polygon_m };
+        let desk = || Zone { name: "desk".into(), id: None, polygon_m: bed().polygon_m };
         let mut log = Events::new(Dwelling { seconds: 5.0, radius_m: 0.4 }, vec![bed(), desk()]);
         let mut happened = Vec::new();
         let mut observe = |log: &mut Events, t: f64| {
@@ -281,8 +281,8 @@ mod tests {
         assert_eq!(observe(&mut log, 0.0).len(), 3, "enter, and both zones");
         // The desk is removed, the bed moves away from them, and a sofa is added where they are.
         let far = vec![[-1.5, 1.0], [-0.5, 1.0], [-0.5, 2.0]];
-        let sofa = Zone { name: "sofa".into(), polygon_m: desk().polygon_m };
-        log.use_zones(vec![sofa, Zone { name: "bed".into(), polygon_m: far }]);
+        let sofa = Zone { name: "sofa".into(), id: None, polygon_m: desk().polygon_m };
+        log.use_zones(vec![sofa, Zone { name: "bed".into(), id: None, polygon_m: far }]);
         let named = |name: &str| Some(name.to_owned());
         let expected = vec![
             (EventKind::ZoneExit, named("desk"), 3),

@@ -9,6 +9,8 @@ const BORDER_M: f64 = 0.15;
 const SMALLEST_M2: f64 = 0.01;
 /// Most corners of a zone.
 const MOST_CORNERS: usize = 100;
+/// Nearer to 0 than this, in metres, is no coordinate but an accident: far below what rounding leaves.
+const TINIEST_M: f64 = 1e-30;
 
 /// A named part of the room's floor: `[[zones]]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -17,6 +19,9 @@ const MOST_CORNERS: usize = 100;
 pub struct Zone {
     /// Name of the zone.
     pub name: String,
+    /// Identifies the zone to programs, also after it was renamed; none: not given one yet.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub id: Option<String>,
     /// Corners in order, clockwise or counterclockwise, in metres in the door frame.
     #[cfg_attr(feature = "schema", schema(value_type = Vec<crate::schema::Point>))]
     pub polygon_m: Vec<Point>,
@@ -28,7 +33,7 @@ pub enum ZoneError {
     /// Too few or too many corners.
     #[error("has {0} points, expected 3 to {MOST_CORNERS}")]
     Count(usize),
-    /// A coordinate is NaN, infinite or kilometres away.
+    /// A coordinate is NaN, infinite, kilometres away, or next to 0 but not 0.
     #[error("has a point {0} that is not two numbers between -1000 and 1000 (metres)")]
     NotAPlace(usize),
     /// The same corner twice.
@@ -55,7 +60,8 @@ impl Zone {
         if !(3..=MOST_CORNERS).contains(&count) {
             return Err(ZoneError::Count(count));
         }
-        if let Some(wrong) = corners.iter().position(|p| !p.iter().all(|v| v.abs() <= 1000.0)) {
+        let is_a_place = |v: &f64| *v == 0.0 || (TINIEST_M..=1000.0).contains(&v.abs());
+        if let Some(wrong) = corners.iter().position(|p| !p.iter().all(is_a_place)) {
             return Err(ZoneError::NotAPlace(wrong + 1));
         }
         for i in 0..count {
@@ -142,7 +148,7 @@ mod tests {
     use super::*;
 
     fn zone(polygon_m: &[Point]) -> Zone {
-        Zone { name: "bed".into(), polygon_m: polygon_m.to_vec() }
+        Zone { name: "bed".into(), id: None, polygon_m: polygon_m.to_vec() }
     }
 
     /// An L shape: the square [0, 2]² without [1, 2]².
@@ -153,6 +159,10 @@ mod tests {
         assert_eq!(zone(&L).check(), Ok(()));
         assert_eq!(zone(&L[..2]).check(), Err(ZoneError::Count(2)));
         assert_eq!(zone(&[[0.0, 0.0], [f64::NAN, 0.0], [1.0, 1.0]]).check(), Err(ZoneError::NotAPlace(2)));
+        for odd in [1e9, -1000.1, 1e-300, -5e-324, f64::INFINITY, f64::MAX] {
+            assert_eq!(zone(&[[0.0, 0.0], [1.0, 0.0], [1.0, odd]]).check(), Err(ZoneError::NotAPlace(3)), "{odd}");
+        }
+        assert_eq!(zone(&[[-0.0, 0.0], [1.0, 6e-17], [1.0, 1.0]]).check(), Ok(()), "as rounding leaves it");
         assert_eq!(zone(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0]]).check(), Err(ZoneError::Repeated(1, 4)));
         let bow = [[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]];
         assert_eq!(zone(&bow).check(), Err(ZoneError::Crossing(1, 3)));
