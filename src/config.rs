@@ -343,7 +343,7 @@ fn check_lambda(key: &str, lambda: f64) -> Result<(), ConfigError> {
 }
 
 /// The beginning of a text that may be long, for messages.
-fn brief(text: &str) -> String {
+pub(crate) fn brief(text: &str) -> String {
     const MOST: usize = 80;
     let mut characters = text.chars();
     let begin: String = characters.by_ref().take(MOST).collect();

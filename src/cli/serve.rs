@@ -211,7 +211,7 @@ fn serve(
         used.zones = zones;
     }
     let hub = Hub::new(engine.as_ref().map(Engine::watched), config.preset, info).configured(&used);
-    let publishers = Publishers::new(config)?;
+    let publishers = Publishers::new(config, own_directory.map(PathBuf::as_path))?;
     let hub = Arc::new(hub.telling({
         let (history, publishers) = (history.clone(), publishers.clone());
         move |update| {

@@ -1,15 +1,14 @@
 use jiff::Timestamp;
 use serde::Serialize;
 
-use crate::config::topic_level;
-use crate::watch::Hub;
+use crate::watch::{Hub, Watching};
 use doorcam_core::tracking::{Track, TrackState};
 use doorcam_engine::State;
 
 /// What is published about one moment.
 #[derive(Debug, Clone)]
 pub(super) struct Facts {
-    pub(super) state: State,
+    pub(super) watching: Watching,
     pub(super) time: Option<Timestamp>,
     /// How many people are in the room.
     pub(super) people: usize,
@@ -37,7 +36,7 @@ impl Facts {
             zone.map_or(0, |zone| zone.people)
         };
         Self {
-            state: hub.state(),
+            watching: hub.watching(),
             time: update.map(|update| update.time),
             people: tracks.iter().filter(|track| track.state != TrackState::Tentative).count(),
             zones: hub.zones().iter().map(|zone| count(&zone.name)).collect(),
@@ -47,38 +46,13 @@ impl Facts {
 
     /// The tracks as JSON.
     pub(super) fn tracks_json(&self) -> String {
+        let tracks = Tracks { time: self.time, state: self.watching.state, tracks: &self.tracks };
         // Serialisation cannot fail, because all keys are strings.
-        serde_json::to_string(&Tracks { time: self.time, state: self.state, tracks: &self.tracks }).unwrap_or_default()
+        serde_json::to_string(&tracks).unwrap_or_default()
     }
 
-    /// The state's name in topics.
-    pub(super) fn state_name(&self) -> &'static str {
-        match self.state {
-            State::Learning => "learning",
-            State::Watching => "watching",
-            State::Relearning => "relearning",
-            State::Stale => "stale",
-        }
-    }
-}
-
-/// A topic level for each zone, all different.
-pub(super) fn zone_levels(names: &[&str]) -> Vec<String> {
-    let mut levels: Vec<String> = Vec::new();
-    for name in names {
-        let plain = topic_level(name).to_ascii_lowercase();
-        let numbered = (1..).map(|k| if k == 1 { plain.clone() } else { format!("{plain}-{k}") });
-        levels.extend(numbered.into_iter().find(|level| !levels.contains(level)));
-    }
-    levels
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn zones_whose_names_look_alike_keep_topics_of_their_own() {
-        assert_eq!(zone_levels(&["Bed 1", "bed/1", "bed_1", "sofa"]), ["bed_1", "bed_1-2", "bed_1-3", "sofa"]);
+    /// Whether doorcam is watching, as JSON, as in the status.
+    pub(super) fn watching_json(&self) -> String {
+        serde_json::to_string(&self.watching).unwrap_or_default()
     }
 }

@@ -12,7 +12,7 @@ pub(super) struct Announcement {
 }
 
 /// The announcements of occupancy and number of people in the room and in each zone, as entities of one device.
-pub(super) fn announcements(prefix: &str, topics: &Topics, name: &str, zones: &[&str]) -> Vec<Announcement> {
+pub(super) fn announcements(prefix: &str, topics: &Topics, name: &str, zones: &[String]) -> Vec<Announcement> {
     let room = [(String::new(), topics.occupancy(None), topics.count(None), String::new())];
     let zones = zones.iter().enumerate().map(|(k, zone)| {
         (format!("_{}", topics.zone(k)), topics.occupancy(Some(k)), topics.count(Some(k)), format!("{zone} "))
@@ -84,8 +84,8 @@ mod tests {
 
     #[test]
     fn each_entity_has_a_topic_an_id_and_a_device() {
-        let topics = Topics::new("doorcam/hall", "hall", &["Bed"]);
-        let announced = announcements("homeassistant", &topics, "Hall", &["Bed"]);
+        let topics = Topics::new("doorcam/hall", "hall", vec!["bed".into()]);
+        let announced = announcements("homeassistant", &topics, "Hall", &["Bed".into()]);
         let names: Vec<&str> = announced.iter().map(|a| a.topic.as_str()).collect();
         assert_eq!(
             names,

@@ -2,9 +2,13 @@
 //!
 //! Each has its own state and error in the status. None can hold up the frame loop, and none queues without bound.
 
+mod broker;
+mod client_id;
+mod connection;
 mod facts;
 mod home_assistant;
 mod mqtt;
+mod neighbours;
 mod signature;
 mod topics;
 mod webhook;
@@ -16,13 +20,20 @@ use serde::Serialize;
 use tokio::sync::watch;
 use utoipa::ToSchema;
 
-pub use self::mqtt::MqttReport;
+use rustls::pki_types::CertificateDer;
+use rustls::pki_types::pem::PemObject;
+
+pub use self::broker::MqttReport;
 pub use self::signature::sign;
 use self::webhook::Webhook;
 pub use self::webhook::WebhookReport;
 use crate::config::Config;
+use crate::server::secret_file;
 use crate::watch::Hub;
 use doorcam_engine::Update;
+
+/// Longest file of certificates or of a secret, in bytes: a system's whole list of authorities takes a quarter.
+const LONGEST_FILE: u64 = 1_000_000;
 
 /// Why publishing cannot start.
 #[derive(Debug, thiserror::Error)]
@@ -37,6 +48,9 @@ pub enum PublishError {
         /// Why not.
         reason: String,
     },
+    /// A file with a secret cannot be used: key, file and reason.
+    #[error("{0}")]
+    Secret(String),
     /// A webhook's thread could not be started.
     #[error("cannot start a webhook's thread: {0}")]
     Thread(std::io::Error),
@@ -55,18 +69,19 @@ pub struct PublishReport {
 /// Everything that publishes.
 #[derive(Clone)]
 pub struct Publishers {
-    mqtt: Option<(mqtt::Settings, Arc<Mutex<MqttReport>>)>,
+    mqtt: Option<(broker::Settings, Arc<Mutex<MqttReport>>)>,
     webhooks: Arc<Vec<Webhook>>,
 }
 
 impl Publishers {
-    /// The configured publishers. Reads the files with passwords and secrets, and starts the webhooks.
+    /// The configured publishers. Reads the files with passwords and secrets, and starts the webhooks. `storage` is the
+    /// directory of this doorway, if it has one: it keeps this doorcam's name at the broker.
     ///
     /// # Errors
     ///
     /// If a file cannot be used, or a webhook's thread cannot be started.
-    pub fn new(config: &Config) -> Result<Self, PublishError> {
-        let mqtt = mqtt::Settings::of(config)?;
+    pub fn new(config: &Config, storage: Option<&Path>) -> Result<Self, PublishError> {
+        let mqtt = broker::Settings::of(config, storage)?;
         let mqtt = mqtt.map(|settings| {
             let report = Arc::new(Mutex::new(MqttReport::new(&settings)));
             (settings, report)
@@ -99,12 +114,36 @@ impl Publishers {
     }
 }
 
-/// Reads a file that holds only a secret.
+/// Reads a file that holds only a secret. Like a token's, it must be closed to others.
 fn secret(key: &'static str, file: &Path) -> Result<String, PublishError> {
     let refused = |reason: String| PublishError::File { key, file: file.into(), reason };
-    let text = std::fs::read_to_string(file).map_err(|e| refused(e.to_string()))?;
+    check_regular(key, file)?;
+    let bytes = secret_file::read(file).map_err(|e| PublishError::Secret(format!("{key}: {e}")))?;
+    let text = String::from_utf8(bytes).map_err(|_| refused("it is not UTF-8, expected a secret".into()))?;
     let secret = text.trim_end_matches(['\r', '\n']);
     if secret.is_empty() { Err(refused("it is empty, expected a secret".into())) } else { Ok(secret.into()) }
+}
+
+/// Reads a file of certificates.
+fn certificates(key: &'static str, file: &Path) -> Result<Vec<u8>, PublishError> {
+    let refused = |reason: String| PublishError::File { key, file: file.into(), reason };
+    check_regular(key, file)?;
+    let pem = std::fs::read(file).map_err(|e| refused(e.to_string()))?;
+    let found = CertificateDer::pem_slice_iter(&pem).collect::<Result<Vec<_>, _>>();
+    match found {
+        Ok(found) if !found.is_empty() => Ok(pem),
+        _ => Err(refused("no certificate in it, expected PEM (-----BEGIN CERTIFICATE-----)".into())),
+    }
+}
+
+/// Refuses what is no regular file or a large one, before it is opened: reading from it might never end.
+fn check_regular(key: &'static str, file: &Path) -> Result<(), PublishError> {
+    let refused = |reason: String| PublishError::File { key, file: file.into(), reason };
+    let metadata = std::fs::metadata(file).map_err(|e| refused(e.to_string()))?;
+    if metadata.is_file() && metadata.len() <= LONGEST_FILE {
+        return Ok(());
+    }
+    Err(refused(format!("it is no regular file of at most {LONGEST_FILE} bytes")))
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -3,112 +3,35 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use metrics::{counter, describe_counter, describe_gauge, gauge};
-use rumqttc::{AsyncClient, Event, EventLoop, LastWill, MqttOptions, Outgoing, Packet, QoS, Transport};
-use rustls::crypto::ring;
-use serde::Serialize;
+use rumqttc::{AsyncClient, Publish, QoS};
 use tokio::sync::{mpsc, watch};
-use tokio::time::{interval, sleep, timeout};
-use utoipa::ToSchema;
+use tokio::time::{interval, timeout};
 
+use super::broker::{MqttReport, Settings};
+use super::connection::{HEALTHY, Lost, News, keep_connected};
 use super::facts::Facts;
 use super::home_assistant::{Announcement, announcements};
-use super::topics::{Topics, availability};
-use super::{PublishError, lock, secret};
-use crate::config::{Config, MqttConfig};
-use crate::watch::Hub;
-use doorcam_source::camera::Backoff;
+use super::lock;
+use super::neighbours::{Neighbours, Todo, presence};
+use super::topics::Topics;
+use crate::watch::{Hub, state_name};
 
-/// First and longest delay before reconnecting to the broker.
-const RETRY: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(30)];
-/// Keep-alive interval in seconds. The broker considers a client dead after one and a half times this silence.
-const KEEP_ALIVE: u16 = 10;
 /// Shortest time between two messages with tracks.
 const TRACKS: Duration = Duration::from_millis(500);
-/// How often to check whether the updates have become stale.
+/// How often to look without a new update: doorcam may have stopped watching, and neighbours may have to be told
+/// something.
 const TICK: Duration = Duration::from_secs(1);
 /// Most messages that wait for the connection. What does not fit is sent later, with its value at that time.
 const WAITING: usize = 256;
-/// Longest message in bytes; the tracks of a full room take a few thousand.
-const LONGEST: usize = 65_536;
 /// How long to wait at the end for the broker to read everything.
 const FAREWELL: Duration = Duration::from_secs(1);
-
-/// How the broker is reached, and the names to publish under.
-#[derive(Clone)]
-pub(super) struct Settings {
-    options: MqttOptions,
-    broker: String,
-    root: String,
-    /// Names of this doorway: `id` for programs, `name` for people.
-    id: String,
-    name: String,
-    /// First level of Home Assistant's topics; empty to announce nothing there.
-    home_assistant: String,
-}
-
-/// State of the connection to the broker.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-pub struct MqttReport {
-    /// "connecting" or "connected".
-    pub state: &'static str,
-    /// The broker's address.
-    pub broker: String,
-    /// The topic below which everything is published.
-    pub topic: String,
-    /// The last error; null while connected.
-    #[schema(required)]
-    pub error: Option<String>,
-    /// Messages handed to the connection.
-    pub published: u64,
-    /// Events that were never published because the broker was unreachable for too long.
-    pub missed: u64,
-}
-
-impl MqttReport {
-    pub(super) fn new(settings: &Settings) -> Self {
-        let (broker, topic) = (settings.broker.clone(), settings.root.clone());
-        Self { state: "connecting", broker, topic, error: None, published: 0, missed: 0 }
-    }
-}
-
-impl Settings {
-    /// `None` if no broker is configured.
-    pub(super) fn of(config: &Config) -> Result<Option<Self>, PublishError> {
-        let MqttConfig { host, port, tls, ca_file, username, password_file, prefix, home_assistant } = &config.mqtt;
-        if host.is_empty() {
-            return Ok(None);
-        }
-        let id = config.site.id();
-        let root = format!("{prefix}/{id}");
-        let mut options = MqttOptions::new(format!("doorcam-{id}"), (host, *port));
-        options.set_keep_alive(KEEP_ALIVE);
-        options.set_max_packet_size(LONGEST, LONGEST);
-        options.set_last_will(LastWill::new(availability(&root), "offline", QoS::AtLeastOnce, true));
-        if !username.is_empty() {
-            // An empty password is not the same as none.
-            if password_file.as_os_str().is_empty() {
-                options.set_username(username);
-            } else {
-                options.set_credentials(username, secret("mqtt.password_file", password_file)?);
-            }
-        }
-        if *tls {
-            // Fails if another part of the program has already installed it, which is fine.
-            let _ = ring::default_provider().install_default();
-            options.set_transport(if ca_file.as_os_str().is_empty() {
-                Transport::tls_with_default_config()
-            } else {
-                let key = "mqtt.ca_file";
-                let unread =
-                    |e: std::io::Error| PublishError::File { key, file: ca_file.clone(), reason: e.to_string() };
-                Transport::tls(std::fs::read(ca_file).map_err(unread)?, None, None)
-            });
-        }
-        let broker = format!("{}://{host}:{port}", if *tls { "mqtts" } else { "mqtt" });
-        let (name, home_assistant) = (config.site.name(), home_assistant.clone());
-        Ok(Some(Self { options, broker, root, id, name, home_assistant }))
-    }
-}
+/// Most messages from the broker that wait to be looked at; then the connection waits.
+const HEARD: usize = 64;
+/// After this many connections in a row that ended before they were good, that is said. One less, and doorcam listens to
+/// nothing at first, because some brokers end the connection of a client that may not.
+const SHORT_ONES: u32 = 3;
+/// Shortest time between two lines in the log about the same kind of thing.
+const LINE: Duration = Duration::from_secs(60);
 
 /// What has been published over this connection.
 struct Session<'a> {
@@ -127,23 +50,40 @@ struct Session<'a> {
     tracks_at: Option<Instant>,
     /// Number of the last published event.
     event: Option<u64>,
+    neighbours: Neighbours,
+    listening: Listening,
+    /// When the present connection was made.
+    made: Option<Instant>,
+    /// Connections in a row that ended before they were good.
+    short: u32,
+    /// When the log last said that there is a connection, and what it said since then about a lost one.
+    said: Option<Instant>,
+    said_lost: Option<(String, Instant)>,
 }
 
-/// A change of the connection.
-enum News {
-    Made,
-    Lost(String),
-    Closed,
+/// Whether doorcam listens to the broker.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Listening {
+    /// From the beginning of a connection.
+    AtOnce,
+    /// Once a connection has proved to be a good one.
+    Later,
+    /// It does, since then.
+    Since(Instant),
+    /// It must not: that ended a good connection.
+    Never,
 }
 
 /// Publishes until `ending` turns true, reconnecting whenever the connection is lost.
 pub(super) async fn run(settings: Settings, hub: &Hub, report: &Mutex<MqttReport>, mut ending: watch::Receiver<bool>) {
     describe_gauge!("doorcam_mqtt_connected", "1 while there is a connection to the MQTT broker");
     describe_counter!("doorcam_mqtt_published_total", "Messages handed to the connection to the MQTT broker");
+    describe_gauge!("doorcam_mqtt_duplicate", "1 while another doorcam publishes under the same id");
     let (client, connection) = AsyncClient::new(settings.options.clone(), WAITING);
-    let (tell, mut news) = mpsc::channel(1);
+    let (tell, mut news) = mpsc::channel(HEARD);
     // A separate task, because polling must not stall behind other work or be cancelled half-way.
-    let polling = tokio::spawn(keep_connected(connection, tell));
+    let seed = u64::from_str_radix(&settings.instance.text, 16).unwrap_or_default();
+    let polling = tokio::spawn(keep_connected(connection, seed, tell));
     let (zones, topics, announcements) = described(&settings, hub);
     let mut session = Session {
         settings: &settings,
@@ -157,6 +97,12 @@ pub(super) async fn run(settings: Settings, hub: &Hub, report: &Mutex<MqttReport
         introduced: false,
         tracks_at: None,
         event: None,
+        neighbours: Neighbours::new(Instant::now()),
+        listening: Listening::AtOnce,
+        made: None,
+        short: 0,
+        said: None,
+        said_lost: None,
     };
     let mut updates = hub.subscribe();
     let mut tick = interval(TICK);
@@ -168,14 +114,18 @@ pub(super) async fn run(settings: Settings, hub: &Hub, report: &Mutex<MqttReport
                     connected = true;
                     session.begin();
                 }
-                Some(News::Lost(why)) => {
+                Some(News::Heard(message)) => {
+                    session.hear(&message);
+                    continue;
+                }
+                Some(News::Lost(lost)) => {
                     connected = false;
-                    session.lost(why);
+                    session.lost(lost);
                 }
                 Some(News::Closed) | None => break,
             },
             changed = updates.changed(), if connected => if changed.is_err() { break },
-            _ = tick.tick(), if connected => {}
+            _ = tick.tick(), if connected => session.look(),
             () = until(&mut ending) => break,
         }
         if connected {
@@ -194,50 +144,139 @@ pub(super) async fn run(settings: Settings, hub: &Hub, report: &Mutex<MqttReport
     polling.abort();
 }
 
-/// Polls the connection and reconnects with increasing delays until a disconnect has been sent.
-async fn keep_connected(mut connection: EventLoop, tell: mpsc::Sender<News>) {
-    let [first, longest] = RETRY;
-    let mut backoff = Backoff::new(first, longest, u64::from(std::process::id()));
-    let mut leaving = false;
-    loop {
-        let news = match connection.poll().await {
-            Ok(Event::Incoming(Packet::ConnAck(_))) => News::Made,
-            Ok(event) => {
-                leaving |= event == Event::Outgoing(Outgoing::Disconnect);
-                continue;
-            }
-            // Wait for the broker to close the connection once it has read everything. Closing it here with
-            // unread acknowledgements would reset it, and the broker would miss the last messages.
-            Err(_) if leaving => News::Closed,
-            Err(error) => News::Lost(error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")),
-        };
-        let (delay, over) = match news {
-            News::Made => {
-                backoff.reset();
-                (Duration::ZERO, false)
-            }
-            News::Lost(_) => (backoff.next_delay(), false),
-            News::Closed => (Duration::ZERO, true),
-        };
-        if tell.send(news).await.is_err() || over {
-            return;
-        }
-        sleep(delay).await;
-    }
-}
-
 impl Session<'_> {
     fn begin(&mut self) {
-        let Settings { broker, root, .. } = self.settings;
+        let now = Instant::now();
         gauge!("doorcam_mqtt_connected").set(1.0);
         {
             let mut report = lock(self.report);
             (report.state, report.error) = ("connected", None);
         }
-        tracing::info!("{broker}: connected, publishing under {root}");
+        self.say_connected(now);
         // The broker may be another one, or may have lost its retained messages.
         self.told.clear();
         self.introduced = false;
+        self.made = Some(now);
+        self.neighbours = Neighbours::new(now);
+        if self.listening == Listening::AtOnce {
+            self.listen();
+        }
+    }
+
+    /// Says in the log that there is a connection, if that is news and was not said a moment ago.
+    fn say_connected(&mut self, now: Instant) {
+        let Settings { broker, root, .. } = self.settings;
+        let is_news = self.said.is_none() || self.said_lost.is_some();
+        if is_news && self.said.is_none_or(|at| now.saturating_duration_since(at) >= LINE) {
+            tracing::info!("{broker}: connected, publishing under {root}");
+            (self.said, self.said_lost) = (Some(now), None);
+        }
+    }
+
+    /// Listens to other doorcams and Home Assistant, and to what earlier runs left.
+    fn listen(&mut self) {
+        let home_assistant = &self.settings.home_assistant;
+        let filters = [self.topics.of_others(home_assistant), self.topics.of_before(home_assistant)].concat();
+        self.neighbours.is_clean = self.client.try_subscribe_many(filters).is_err();
+        self.ask();
+    }
+
+    /// Says anew which doorcam this is, so that another one of its id answers.
+    fn ask(&mut self) {
+        self.told.remove(&self.topics.instance());
+        self.introduced = false;
+    }
+
+    /// Takes a message of the broker.
+    fn hear(&mut self, message: &Publish) {
+        let Settings { instance, home_assistant, .. } = self.settings;
+        let Ok(topic) = std::str::from_utf8(&message.topic) else { return };
+        let (now, heard) = (Instant::now(), (topic, &message.payload[..], message.retain));
+        match self.neighbours.hear(heard, (&self.topics, &instance.text, home_assistant), now) {
+            Todo::Nothing => {}
+            Todo::Answer => {
+                let answer = presence(&instance.text, true);
+                self.publish(&self.topics.instance(), QoS::AtLeastOnce, false, answer);
+            }
+            Todo::SayOnline => {
+                self.told.remove(&self.topics.availability());
+                self.introduced = false;
+            }
+        }
+        self.warn(now);
+    }
+
+    /// Does what becomes due with time.
+    fn look(&mut self) {
+        let now = Instant::now();
+        self.say_connected(now);
+        let lasted = self.made.map_or(Duration::ZERO, |made| now.saturating_duration_since(made));
+        if lasted >= HEALTHY {
+            self.short = 0;
+            if self.listening == Listening::Later {
+                self.listening = Listening::Since(now);
+                self.neighbours = Neighbours::new(now);
+                self.listen();
+            }
+        }
+        if self.neighbours.should_welcome(now) {
+            // Everything again: discovery, and the values that it names.
+            self.told.clear();
+            self.introduced = false;
+        }
+        if self.neighbours.should_ask(now) {
+            self.ask();
+        }
+        self.clear_leftovers(now);
+        self.warn(now);
+    }
+
+    /// Clears the retained messages that earlier runs left: of zones that were removed while doorcam was off.
+    fn clear_leftovers(&mut self, now: Instant) {
+        if self.neighbours.is_clean {
+            return;
+        }
+        let in_use = self.in_use();
+        let Some(left) = self.neighbours.leftovers(|topic| in_use.contains(topic), now) else { return };
+        for topic in left {
+            // An empty payload makes the broker delete its retained message.
+            if !self.publish(&topic, QoS::AtLeastOnce, true, String::new()) {
+                return;
+            }
+            self.neighbours.cleared(&topic);
+        }
+        self.neighbours.is_clean = true;
+        for filter in self.topics.of_before(&self.settings.home_assistant) {
+            // Otherwise doorcam would hear its own values for ever. If this does not fit, it does.
+            let _ = self.client.try_unsubscribe(filter.path);
+        }
+    }
+
+    /// Keeps in the report, and says in the log, what is wrong although there is a connection now and then.
+    fn warn(&mut self, now: Instant) {
+        let Settings { options, root, .. } = self.settings;
+        let twin = self.neighbours.twin(now);
+        gauge!("doorcam_mqtt_duplicate").set(f64::from(u8::from(twin.is_some())));
+        let warning = match twin {
+            Some(twin) => Some(format!(
+                "another doorcam ({twin}) publishes under {root}, too: give each doorway a site.id of its own"
+            )),
+            None if self.short >= SHORT_ONES => Some(format!(
+                "the broker ends each connection within {} s: another client may have the client id \"{}\" (if the \
+                 storage directory was copied, delete its file client-id), or this one may not do what it does",
+                HEALTHY.as_secs(),
+                options.client_id()
+            )),
+            None => None,
+        };
+        let mut report = lock(self.report);
+        if report.warning != warning {
+            match &warning {
+                Some(warning) => tracing::warn!("{}: {warning}", report.broker),
+                None => tracing::info!("{}: all is well again", report.broker),
+            }
+            report.warning = warning;
+        }
     }
 
     /// Publishes the announcements and the availability. False if the queue is full.
@@ -247,20 +286,16 @@ impl Session<'_> {
         let mut each = announcements.iter();
         let told = each.all(|Announcement { topic, payload }| self.retain(topic.clone(), payload.clone()));
         self.announcements = announcements;
-        told && self.retain(self.topics.availability(), "online".into())
+        told && self.retain(self.topics.instance(), presence(&self.settings.instance.text, false))
+            && self.retain(self.topics.availability(), "online".into())
     }
 
     /// Switches to new zones and clears the retained messages of those that are gone.
     fn rezone(&mut self) {
         (self.zones, self.topics, self.announcements) = described(self.settings, self.hub);
         self.introduced = false;
-        let zones = (0..self.topics.zones())
-            .flat_map(|zone| [self.topics.occupancy(Some(zone)), self.topics.count(Some(zone))]);
-        let room =
-            [self.topics.availability(), self.topics.state(), self.topics.occupancy(None), self.topics.count(None)];
-        let kept: HashSet<String> =
-            zones.chain(room).chain(self.announcements.iter().map(|announcement| announcement.topic.clone())).collect();
-        let gone: Vec<String> = self.told.keys().filter(|topic| !kept.contains(*topic)).cloned().collect();
+        let in_use = self.in_use();
+        let gone: Vec<String> = self.told.keys().filter(|topic| !in_use.contains(*topic)).cloned().collect();
         for topic in gone {
             // An empty payload makes the broker delete its retained message.
             self.retain(topic.clone(), String::new());
@@ -268,13 +303,34 @@ impl Session<'_> {
         }
     }
 
-    fn lost(&mut self, why: String) {
+    /// The retained topics in use.
+    fn in_use(&self) -> HashSet<String> {
+        self.topics.retained().chain(self.announcements.iter().map(|announcement| announcement.topic.clone())).collect()
+    }
+
+    fn lost(&mut self, Lost { why, lasted }: Lost) {
+        let now = Instant::now();
         gauge!("doorcam_mqtt_connected").set(0.0);
-        let mut report = lock(self.report);
-        if report.error.as_ref() != Some(&why) {
-            tracing::warn!("{}: {why}; trying again", report.broker);
+        self.made = None;
+        if let Some(lasted) = lasted {
+            self.short = if lasted < HEALTHY { self.short + 1 } else { 0 };
         }
-        (report.state, report.error) = ("connecting", Some(why));
+        self.listening = match self.listening {
+            Listening::AtOnce if self.short + 1 >= SHORT_ONES => Listening::Later,
+            Listening::Since(at) if now.saturating_duration_since(at) < HEALTHY => Listening::Never,
+            Listening::Since(_) => Listening::AtOnce,
+            as_before => as_before,
+        };
+        let is_said = self.said_lost.as_ref().is_some_and(|(said, at)| *said == why || at.elapsed() < LINE);
+        {
+            let mut report = lock(self.report);
+            if !is_said {
+                tracing::warn!("{}: {why}; trying again", report.broker);
+                self.said_lost = Some((why.clone(), now));
+            }
+            (report.state, report.error) = ("connecting", Some(why));
+        }
+        self.warn(now);
     }
 
     /// Publishes everything that the broker does not know yet.
@@ -282,10 +338,14 @@ impl Session<'_> {
         if self.zones != self.hub.zones_revision() {
             self.rezone();
         }
-        self.introduced = self.introduced || self.introduce();
         let facts = Facts::of(self.hub);
         let topics = self.topics.clone();
-        self.retain(topics.state(), facts.state_name().into());
+        if !facts.watching.watching {
+            // First of all: the values below are of before.
+            self.tell_state(&facts);
+        }
+        self.introduced = self.introduced || self.introduce();
+        self.tell_state(&facts);
         let zones = facts.zones.iter().enumerate().map(|(zone, &people)| (Some(zone), people));
         for (zone, people) in std::iter::once((None, facts.people)).chain(zones) {
             self.retain(topics.occupancy(zone), if people > 0 { "ON" } else { "OFF" }.into());
@@ -296,6 +356,11 @@ impl Session<'_> {
             self.publish(&format!("{}/tracks", self.settings.root), QoS::AtMostOnce, false, facts.tracks_json());
         }
         self.tell_events();
+    }
+
+    fn tell_state(&mut self, facts: &Facts) {
+        self.retain(self.topics.state(), state_name(facts.watching.state).into());
+        self.retain(self.topics.watching(), facts.watching_json());
     }
 
     fn tell_events(&mut self) {
@@ -340,9 +405,9 @@ impl Session<'_> {
 fn described(settings: &Settings, hub: &Hub) -> (u32, Topics, Vec<Announcement>) {
     // Read before the zones: if they change in between, the old revision makes this run again.
     let revision = hub.zones_revision();
-    let zones = hub.zones();
-    let zones: Vec<&str> = zones.iter().map(|zone| zone.name.as_str()).collect();
-    let topics = Topics::new(&settings.root, &settings.id, &zones);
+    let (ids, zones): (Vec<String>, Vec<String>) =
+        hub.zones().into_iter().map(|zone| (zone.id.unwrap_or_default(), zone.name)).unzip();
+    let topics = Topics::new(&settings.root, &settings.id, ids);
     let announcements = match settings.home_assistant.as_str() {
         "" => Vec::new(),
         prefix => announcements(prefix, &topics, &settings.name, &zones),

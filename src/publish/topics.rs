@@ -1,18 +1,19 @@
 //! Names of the MQTT topics of one doorway.
 
-use super::facts::zone_levels;
+use rumqttc::{QoS, SubscribeFilter};
 
 /// The topics of one doorway, below its root.
 #[derive(Debug, Clone)]
 pub(super) struct Topics {
     root: String,
     id: String,
+    /// The zones' ids.
     zones: Vec<String>,
 }
 
 impl Topics {
-    pub(super) fn new(root: &str, id: &str, zones: &[&str]) -> Self {
-        Self { root: root.into(), id: id.into(), zones: zone_levels(zones) }
+    pub(super) fn new(root: &str, id: &str, zones: Vec<String>) -> Self {
+        Self { root: root.into(), id: id.into(), zones }
     }
 
     pub(super) fn id(&self) -> &str {
@@ -37,6 +38,16 @@ impl Topics {
         format!("{}/state", self.root)
     }
 
+    /// Topic that tells whether doorcam is watching, and why not.
+    pub(super) fn watching(&self) -> String {
+        format!("{}/watching", self.root)
+    }
+
+    /// Topic that tells which doorcam publishes below this root.
+    pub(super) fn instance(&self) -> String {
+        format!("{}/instance", self.root)
+    }
+
     /// Topic of the occupancy, `ON` or `OFF`, of the hidden room or of a zone.
     pub(super) fn occupancy(&self, zone: Option<usize>) -> String {
         format!("{}/occupancy", self.place(zone))
@@ -47,6 +58,34 @@ impl Topics {
         format!("{}/people", self.place(zone))
     }
 
+    /// The retained topics of the room and of every zone.
+    pub(super) fn retained(&self) -> impl Iterator<Item = String> {
+        let places = std::iter::once(None).chain((0..self.zones()).map(Some));
+        let places = places.flat_map(|zone| [self.occupancy(zone), self.count(zone)]);
+        places.chain([self.availability(), self.state(), self.watching(), self.instance()])
+    }
+
+    /// Whether a topic is the occupancy or the number of people of a zone, of now or of before.
+    pub(super) fn is_of_a_zone(&self, topic: &str) -> bool {
+        let below = topic.strip_prefix(&self.root).and_then(|below| below.strip_prefix("/zones/"));
+        let value = below.and_then(|below| below.split_once('/')).map(|(_, value)| value);
+        matches!(value, Some("occupancy" | "people"))
+    }
+
+    /// What to listen to as long as there is a connection: other doorcams of this id, and Home Assistant's birth.
+    pub(super) fn of_others(&self, home_assistant: &str) -> Vec<SubscribeFilter> {
+        let birth = (!home_assistant.is_empty()).then(|| format!("{home_assistant}/status"));
+        filters([self.instance(), self.availability()].into_iter().chain(birth))
+    }
+
+    /// What to listen to at the beginning: what earlier runs left.
+    pub(super) fn of_before(&self, home_assistant: &str) -> Vec<SubscribeFilter> {
+        let zones = format!("{}/zones/+", self.root);
+        let announced = |component| format!("{home_assistant}/{component}/{}/+/config", self.id);
+        let announced = ["binary_sensor", "sensor"].map(announced).into_iter().filter(|_| !home_assistant.is_empty());
+        filters([format!("{zones}/occupancy"), format!("{zones}/people")].into_iter().chain(announced))
+    }
+
     fn place(&self, zone: Option<usize>) -> String {
         zone.map_or_else(|| self.root.clone(), |zone| format!("{}/zones/{}", self.root, self.zone(zone)))
     }
@@ -54,4 +93,8 @@ impl Topics {
 
 pub(super) fn availability(root: &str) -> String {
     format!("{root}/availability")
+}
+
+fn filters(topics: impl Iterator<Item = String>) -> Vec<SubscribeFilter> {
+    topics.map(|topic| SubscribeFilter::new(topic, QoS::AtMostOnce)).collect()
 }

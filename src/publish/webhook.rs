@@ -1,7 +1,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
 use metrics::{Counter, counter, describe_counter};
@@ -12,7 +12,7 @@ use utoipa::ToSchema;
 
 use super::signature::sign;
 use super::{PublishError, lock, secret};
-use crate::config::{HookUrl, WebhookConfig};
+use crate::config::{HookUrl, WebhookConfig, brief};
 use doorcam_core::tracking::{Event, EventKind};
 use doorcam_source::camera::Backoff;
 
@@ -24,6 +24,8 @@ const ATTEMPTS: u32 = 8;
 const RETRY: [Duration; 2] = [Duration::from_secs(2), Duration::from_secs(120)];
 /// How long a receiver may take to answer.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// Shortest time between two lines in the log about one receiver.
+const LINE: Duration = Duration::from_secs(60);
 
 /// The state of a webhook.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
@@ -57,6 +59,8 @@ struct State {
     retried: AtomicU64,
     dead: AtomicU64,
     error: Mutex<Option<String>>,
+    /// What the log said last about this receiver, and when.
+    said: Mutex<Option<(String, Instant)>>,
     meters: [Counter; 3],
 }
 
@@ -89,9 +93,15 @@ impl Failure {
         match error {
             // ureq's message has the whole URL, which may contain a secret.
             ureq::Error::BadUri(_) => Self { why: "its url cannot be used".into(), passing: false },
-            error => Self { why: error.to_string(), passing: true },
+            error => Self { why: one_line(&error.to_string()), passing: true },
         }
     }
+}
+
+/// A message that may contain parts of an answer, as one short line.
+fn one_line(text: &str) -> String {
+    let visible = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>();
+    brief(&visible.split_whitespace().collect::<Vec<_>>().join(" "))
 }
 
 impl Webhook {
@@ -116,6 +126,7 @@ impl Webhook {
             retried: AtomicU64::new(0),
             dead: AtomicU64::new(0),
             error: Mutex::new(None),
+            said: Mutex::new(None),
             meters,
         });
         let agent = ureq::Agent::config_builder()
@@ -183,13 +194,14 @@ impl State {
         self.meters[2].increment(1);
     }
 
-    /// Keeps what went wrong, and logs it unless it is the same as before.
+    /// Keeps what went wrong, and logs it unless it is the same as before or was followed by much else just now.
     fn failed(&self, why: String) {
-        let mut error = lock(&self.error);
-        if error.as_ref() != Some(&why) {
+        let mut said = lock(&self.said);
+        if said.as_ref().is_none_or(|(text, at)| *text != why && at.elapsed() >= LINE) {
             tracing::warn!("webhook {}: {why}", self.url);
+            *said = Some((why.clone(), Instant::now()));
         }
-        *error = Some(why);
+        *lock(&self.error) = Some(why);
     }
 }
 
@@ -234,9 +246,14 @@ impl Worker {
             .header("x-doorcam-timestamp", timestamp.to_string())
             .header("x-doorcam-signature", format!("sha256={}", sign(secret, timestamp, &body)))
             .send(body.as_str());
+        // The body is not read, however long it is or takes.
         let status = answer.map_err(Failure::of)?.status();
         match status.as_u16() {
             200..=299 => Ok(()),
+            300..=399 => {
+                let why = format!("it answered {status}, and redirections are not followed: expected its final url");
+                Err(Failure { why, passing: false })
+            }
             code => {
                 let passing = code >= 500 || matches!(code, 408 | 425 | 429);
                 Err(Failure { why: format!("it answered {status}"), passing })

@@ -14,7 +14,7 @@ mod people;
 mod pictures;
 mod problem;
 mod recording;
-mod secret_file;
+pub(crate) mod secret_file;
 mod signal;
 mod stream;
 mod tag;

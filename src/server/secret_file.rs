@@ -10,7 +10,7 @@ const TOO_OPEN: u32 = 0o027;
 
 /// Reads a file that holds a secret. Like ssh, it refuses a file that everybody can read or that others than its owner
 /// can write: a secret that leaks unnoticed is worse than a start that fails.
-pub(super) fn read(path: &Path) -> Result<Vec<u8>, String> {
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>, String> {
     let file = path.display();
     let cannot = |e: io::Error| format!("{file}: cannot read it: {}", e.kind());
     let opened = std::fs::File::open(path).map_err(cannot)?;

@@ -2,14 +2,15 @@
 
 use crate::common;
 use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use crate::common::Daemon;
+use crate::common::{Daemon, grey_recording, manifest};
 use serde_json::Value;
 
 const LONG: Duration = Duration::from_secs(60);
@@ -100,6 +101,19 @@ impl Subscriber {
             }
         }
     }
+}
+
+/// Writes a file that only its owner can read.
+fn write_secret(file: &Path, text: &str) {
+    std::fs::write(file, text).unwrap();
+    std::fs::set_permissions(file, std::fs::Permissions::from_mode(0o600)).unwrap();
+}
+
+/// Publishes a message, retained if so wanted.
+fn publish(port: u16, topic: &str, payload: &str, retain: bool) {
+    let mut command = Command::new("mosquitto_pub");
+    command.args(["-h", "127.0.0.1", "-p", &port.to_string(), "-t", topic, "-m", payload]);
+    assert!(command.args(retain.then_some("-r")).status().unwrap().success());
 }
 
 /// The broker's retained messages, by topic.
@@ -250,19 +264,214 @@ fn a_password_opens_the_broker_and_is_not_told() {
     let _broker = broker(directory.path(), port, &more);
     let file = directory.path().join("password");
     let keys = format!("username = \"door\"\npassword_file = {file:?}\n");
-    std::fs::write(&file, "another\n").unwrap();
+    write_secret(&file, "another\n");
     let daemon = Daemon::start(SOURCE, &["--config", &config(directory.path(), port, &keys)]);
     let refused = daemon.wait_for("a refusal", |status| status["publish"]["mqtt"]["error"].is_string());
     assert!(refused["publish"]["mqtt"]["error"].as_str().unwrap().contains("refused"), "{refused}");
     drop(daemon);
-    std::fs::write(&file, "s3cret-word\n").unwrap();
+    write_secret(&file, "s3cret-word\n");
     let daemon = Daemon::start(SOURCE, &["--config", &config(directory.path(), port, &keys)]);
     let status = daemon.wait_for("a connection", |status| status["publish"]["mqtt"]["state"] == "connected");
     assert!(!status.to_string().contains("s3cret"), "{status}");
     drop(daemon);
+    for (mode, is_refused) in [(0o666, true), (0o644, true), (0o620, true), (0o640, false), (0o400, false)] {
+        std::fs::set_permissions(&file, std::fs::Permissions::from_mode(mode)).unwrap();
+        let config = config(directory.path(), port, &format!("{keys}ca_file = \"/none\"\ntls = true\n"));
+        let output = common::run(&["serve", "--source", SOURCE, "--config", &config, "--listen", "127.0.0.1:0"]);
+        let said = common::stderr(&output);
+        let expected = format!("mqtt.password_file: {}: its mode {mode:o} lets others at the secret", file.display());
+        // Where the mode is right, the next thing is wrong.
+        assert!(said.contains(if is_refused { &expected } else { "mqtt.ca_file: /none: No such file" }), "{said}");
+    }
     std::fs::remove_file(&file).unwrap();
     let output = common::run(&["serve", "--source", SOURCE, "--config", &config(directory.path(), port, &keys)]);
     let said = common::stderr(&output);
     let expected = format!("doorcam: mqtt.password_file: {}: No such file", file.display());
     assert!(output.status.code() == Some(1) && said.contains(&expected), "{said}");
+}
+
+/// A configuration with zones of these names.
+fn zoned(directory: &Path, port: u16, names: &[&str]) -> String {
+    let file = directory.join("doorcam.toml");
+    let zone = |name: &&str| format!("[[zones]]\nname = \"{name}\"\npolygon_m = [[-1, 1], [1, 1], [1, 2]]\n");
+    let zones = names.iter().map(zone).collect::<String>();
+    let text = format!("[site]\nid = \"hall\"\n[mqtt]\nhost = \"127.0.0.1\"\nport = {port}\n{zones}");
+    std::fs::write(&file, text).unwrap();
+    file.to_str().unwrap().into()
+}
+
+#[test]
+fn the_end_of_a_source_is_told_without_a_frame() {
+    if !installed() {
+        return;
+    }
+    let (directory, port) = (tempfile::tempdir().unwrap(), free_port());
+    let _broker = broker(directory.path(), port, "allow_anonymous true\n");
+    let subscriber = Subscriber::new(port, &[]);
+    let recording = grey_recording(&manifest(), 30);
+    let source = format!("replay:{}", recording.path().display());
+    let daemon = Daemon::start(&source, &["--config", &config(directory.path(), port, "")]);
+    subscriber.wait_for("a map", |topic, payload| (topic, payload) == ("doorcam/hall/state", "watching"));
+    subscriber.wait_for("the end", |topic, payload| (topic, payload) == ("doorcam/hall/state", "stale"));
+    let (_, _, told) = subscriber.wait_for("the reason", |topic, _| topic == "doorcam/hall/watching");
+    let told: Value = serde_json::from_str(&told).unwrap();
+    assert_eq!((&told["watching"], &told["reason"]), (&false.into(), &"ended".into()));
+    assert_eq!(told, daemon.json("/api/v1/status")["watching"], "the same as everywhere");
+}
+
+#[test]
+fn zones_keep_their_entities_and_those_that_went_while_doorcam_was_off_go() {
+    if !installed() {
+        return;
+    }
+    let (directory, port) = (tempfile::tempdir().unwrap(), free_port());
+    let _broker = broker(directory.path(), port, "allow_anonymous true\n");
+    publish(port, "homeassistant/sensor/hall/lamp/config", "{\"name\": \"a lamp\"}", true);
+    publish(port, "doorcam/attic/zones/bed/people", "1", true);
+    let start = |names: &[&str]| {
+        let subscriber = Subscriber::new(port, &["-R"]);
+        let daemon = Daemon::start(SOURCE, &["--config", &zoned(directory.path(), port, names)]);
+        subscriber.wait_for("its values", |topic, _| topic == "doorcam/hall/people");
+        daemon
+    };
+    let topics_of = |daemon: &Daemon, name: &str| {
+        let zones = daemon.json("/api/v1/zones");
+        let zone = zones["zones"].as_array().unwrap().iter().find(|zone| zone["name"] == name).unwrap();
+        let id = zone["id"].as_str().unwrap();
+        [
+            format!("doorcam/hall/zones/{id}/occupancy"),
+            format!("doorcam/hall/zones/{id}/people"),
+            format!("homeassistant/binary_sensor/hall/occupancy_{id}/config"),
+            format!("homeassistant/sensor/hall/people_{id}/config"),
+        ]
+    };
+    let mut daemon = start(&["Спальня", "Кабинет"]);
+    let [bedroom, study] = ["Спальня", "Кабинет"].map(|name| topics_of(&daemon, name));
+    let deadline = Instant::now() + LONG;
+    while !bedroom.iter().chain(&study).all(|topic| retained(port).contains_key(topic)) {
+        assert!(Instant::now() < deadline, "{:?}", retained(port));
+    }
+    assert_eq!(daemon.terminate().1, Some(0));
+    let subscriber = Subscriber::new(port, &[]);
+    let daemon = start(&["Кабинет"]);
+    assert_eq!(topics_of(&daemon, "Кабинет"), study, "it has not become the other one");
+    let mut gone: Vec<&String> = bedroom.iter().collect();
+    while !gone.is_empty() {
+        let (_, topic, _) =
+            subscriber.wait_for("what is left to go", |topic, payload| payload.is_empty() && topic.contains("zone-"));
+        assert!(!study.contains(&topic), "{topic}");
+        gone.retain(|left| **left != topic);
+    }
+    let kept = retained(port);
+    assert!(study.iter().all(|topic| kept.contains_key(topic)), "{kept:?}");
+    assert!(!bedroom.iter().any(|topic| kept.contains_key(topic)), "{kept:?}");
+    // What is not doorcam's, or another doorway's, stays.
+    assert!(kept.contains_key("homeassistant/sensor/hall/lamp/config"));
+    assert!(kept.contains_key("doorcam/attic/zones/bed/people"));
+}
+
+#[test]
+fn home_assistant_is_told_everything_when_it_starts() {
+    if !installed() {
+        return;
+    }
+    let (directory, port) = (tempfile::tempdir().unwrap(), free_port());
+    let _broker = broker(directory.path(), port, "allow_anonymous true\n");
+    let subscriber = Subscriber::new(port, &[]);
+    let _daemon = Daemon::start(SOURCE, &["--config", &config(directory.path(), port, "")]);
+    let announced = |topic: &str| topic == "homeassistant/sensor/hall/people_near__left/config";
+    subscriber.wait_for("discovery", |topic, _| announced(topic));
+    subscriber.wait_for("availability", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "online"));
+    publish(port, "homeassistant/status", "online", false);
+    subscriber.wait_for("the birth", |topic, _| topic == "homeassistant/status");
+    subscriber.wait_for("discovery again", |topic, _| announced(topic));
+    subscriber.wait_for("its values again", |topic, _| topic == "doorcam/hall/zones/near__left/people");
+    // Who says that doorcam is offline while it is not is corrected.
+    publish(port, "doorcam/hall/availability", "offline", true);
+    subscriber.wait_for("the lie", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "offline"));
+    subscriber.wait_for("the truth", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "online"));
+}
+
+#[test]
+fn two_doorcams_of_one_id_do_not_fight_and_say_that_there_are_two() {
+    if !installed() {
+        return;
+    }
+    let (directory, port) = (tempfile::tempdir().unwrap(), free_port());
+    let _broker = broker(directory.path(), port, "allow_anonymous true\n");
+    let config = config(directory.path(), port, "");
+    let start = |storage: &str| {
+        let storage = directory.path().join(storage);
+        Daemon::start(SOURCE, &["--config", &config, "--storage", storage.to_str().unwrap()])
+    };
+    let (one, mut other) = (start("one"), start("other"));
+    let mqtt = |daemon: &Daemon| daemon.json("/api/v1/status")["publish"]["mqtt"].clone();
+    let warned = |status: &Value| status["publish"]["mqtt"]["warning"].as_str().is_some_and(|w| w.contains("site.id"));
+    for daemon in [&one, &other] {
+        daemon.wait_for("the warning", warned);
+        daemon.wait_for_log("publishes under doorcam/hall, too");
+        assert!(!daemon.log().contains("trying again"), "{}", daemon.log());
+        assert_eq!(daemon.log().matches("publishes under doorcam/hall, too").count(), 1, "{}", daemon.log());
+        assert_eq!(mqtt(daemon)["state"], "connected");
+    }
+    assert_ne!(mqtt(&one)["client_id"], mqtt(&other)["client_id"]);
+    let id = mqtt(&one)["client_id"].clone();
+    // One leaves, and the one that stays is not taken for away.
+    let subscriber = Subscriber::new(port, &["-R"]);
+    assert_eq!(other.terminate().1, Some(0));
+    subscriber.wait_for("the end", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "offline"));
+    subscriber.wait_for("the other", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "online"));
+    drop(one);
+    assert_eq!(mqtt(&start("one"))["client_id"], id, "the same after a restart");
+}
+
+#[test]
+fn a_copied_storage_directory_is_told_by_its_pattern() {
+    if !installed() {
+        return;
+    }
+    let (directory, port) = (tempfile::tempdir().unwrap(), free_port());
+    let _broker = broker(directory.path(), port, "allow_anonymous true\n");
+    let config = config(directory.path(), port, "");
+    let start = |storage: &str| {
+        let storage = directory.path().join(storage);
+        std::fs::create_dir(&storage).unwrap();
+        std::fs::write(storage.join("client-id"), "0123456789abcdef\n").unwrap();
+        Daemon::start(SOURCE, &["--config", &config, "--storage", storage.to_str().unwrap()])
+    };
+    let daemons = [start("one"), start("copy")];
+    let warning = |status: &Value| status["publish"]["mqtt"]["warning"].as_str().unwrap_or_default().to_owned();
+    for daemon in &daemons {
+        let status = daemon.wait_for("the warning", |status| warning(status).contains("another client may have"));
+        assert!(warning(&status).contains("\"doorcam-hall-0123456789abcdef\""), "{status}");
+    }
+}
+
+#[test]
+fn a_broker_that_takes_connections_and_ends_them_is_left_in_peace() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let (tell, connected) = channel();
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut stream = stream.unwrap();
+            // Whatever it says to begin with, it is welcome: CONNACK.
+            if stream.read(&mut [0; 1024]).is_ok_and(|read| read > 0) && stream.write_all(&[0x20, 2, 0, 0]).is_ok() {
+                let _ = tell.send(Instant::now());
+            }
+        }
+    });
+    let directory = tempfile::tempdir().unwrap();
+    let daemon = Daemon::start(SOURCE, &["--config", &config(directory.path(), port, "")]);
+    let times: Vec<Instant> = (0..6).map(|_| connected.recv_timeout(LONG).expect("a connection")).collect();
+    // Half of 0.5, 1, 2, 4 and 8 s at least; a busy machine only makes it longer.
+    for (k, pair) in times.windows(2).enumerate() {
+        let least = Duration::from_millis(250 << k);
+        assert!(pair[1] - pair[0] >= least, "{k}: {:?}", pair[1] - pair[0]);
+    }
+    let status = daemon.wait_for("the warning", |status| status["publish"]["mqtt"]["warning"].is_string());
+    assert!(status["publish"]["mqtt"]["warning"].as_str().unwrap().contains("ends each connection"), "{status}");
+    let lines = |words: &str| daemon.log().matches(words).count();
+    assert_eq!((lines("connected, publishing"), lines("ends each connection")), (1, 1), "{}", daemon.log());
+    assert!(lines("trying again") <= 2, "{}", daemon.log());
 }
