@@ -8,7 +8,7 @@ use axum::http::Uri;
 use serde::{Deserialize, Serialize, Serializer};
 use utoipa::ToSchema;
 
-use super::{ConfigError, brief, tracking, within};
+use super::{ConfigError, brief, within};
 use doorcam_core::tracking::EventKind;
 
 /// Most webhooks that may be configured.
