@@ -29,6 +29,23 @@ pub enum SetupError {
         /// How many are needed.
         least: usize,
     },
+    /// Too few pixels of a patch are left, though nothing is excluded or it makes no difference.
+    #[error(
+        "only {count} pixels of the {side} patch count, expected at least {least}: {seen} are seen, apart from those at \
+         the foot of the edge, which never count (patch.pixels is {pixels})"
+    )]
+    PatchTooSmall {
+        /// Which patch.
+        side: &'static str,
+        /// Pixels that count.
+        count: usize,
+        /// Pixels that are seen and not at the foot of the edge.
+        seen: usize,
+        /// How many are needed.
+        least: usize,
+        /// Pixels along a side of the patch.
+        pixels: usize,
+    },
 }
 
 /// Height of a person, in metres: accurate enough for anybody who stands.
@@ -154,10 +171,16 @@ impl Model {
             Some(seen) => seen.map(|side| side.iter().zip(&foot).map(|(&s, &f)| s && f).collect()),
         };
         for (counted, side) in counted.iter_mut().zip(Side::BOTH) {
+            let number = |counted: &[bool]| counted.iter().filter(|&&c| c).count();
+            let seen = number(counted);
             counted.iter_mut().enumerate().for_each(|(k, counts)| *counts &= !excluded(side, k));
-            let count = counted.iter().filter(|&&c| c).count();
-            if count < LEAST_PIXELS {
-                return Err(SetupError::PatchExcluded { side: side.name(), count, least: LEAST_PIXELS });
+            let count = number(counted);
+            let (side, least, pixels) = (side.name(), LEAST_PIXELS, patch.size);
+            if seen < least {
+                return Err(SetupError::PatchTooSmall { side, count, seen, least, pixels });
+            }
+            if count < least {
+                return Err(SetupError::PatchExcluded { side, count, least });
             }
         }
         Ok((grid, counted))
@@ -187,6 +210,31 @@ fn lies_between(corners: &[Point; 2], point: Point) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn too_few_pixels_are_blamed_on_what_takes_them() {
+        let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None };
+        let mut settings = Settings::default();
+        settings.patch.pixels = 32;
+        let patch = Model::patch_grid(&settings, None);
+        let error = |settings: &Settings, patch: PatchGrid, seen: Option<[Vec<bool>; 2]>| {
+            Model::new(settings, doorway, patch, seen).map(drop).expect_err("too few").to_string()
+        };
+        // The camera sees only three rows, far from the edge's foot.
+        let rows = |from: usize| (0..32 * 32).map(|k| k / 32 >= from).collect::<Vec<bool>>();
+        let unseen = error(&settings, patch, Some([rows(0), rows(31)]));
+        assert!(
+            unseen.starts_with("only 32 pixels of the right patch count, expected at least 64: 32 are seen"),
+            "{unseen}"
+        );
+        settings.patch.exclude = vec![[[9.0, -9.0], [-9.0, 0.0]]];
+        let excluded = error(&settings, patch, Some([rows(0), rows(0)]));
+        assert_eq!(excluded, "patch.exclude leaves 0 pixels of the left patch, expected at least 64");
+        let both = error(&settings, patch, Some([rows(31), rows(0)]));
+        assert!(both.starts_with("only 0 pixels of the left patch count, expected at least 64: 32 are seen"), "{both}");
+        let small = error(&Settings::default(), PatchGrid { size: 6, ..patch }, None);
+        assert!(small.contains("(patch.pixels is 6)"), "{small}");
+    }
 
     #[test]
     fn excluded_floor_does_not_count() {

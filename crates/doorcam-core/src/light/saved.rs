@@ -38,6 +38,9 @@ pub enum LoadError {
     /// It is so old that the light has probably changed.
     #[error("it is {0} hours old")]
     Old(i64),
+    /// It was saved later than now, so its age is unknown: the clock is wrong, or was when it was saved.
+    #[error("it was saved at {0}, which is later than now: the clock is or was wrong")]
+    Future(Timestamp),
 }
 
 /// Second line of the file. The pictures follow as little-endian 32-bit floats: the mean, then the deviations from it,
@@ -113,8 +116,10 @@ impl Snapshot {
             return Err(LoadError::Damaged("its checksum is wrong"));
         }
         let age = Timestamp::now().duration_since(header.saved);
-        // A time in the future means that the clock was wrong when the file was saved, so its age is unknown.
-        if age.as_secs_f64() > keep_s || age < SignedDuration::from_mins(-1) {
+        if age < SignedDuration::from_mins(-1) {
+            return Err(LoadError::Future(header.saved));
+        }
+        if age.as_secs_f64() > keep_s {
             return Err(LoadError::Old(age.as_hours()));
         }
         let mut pairs = body.chunks_exact(bytes(size)).map(|chunk| pair(chunk, size));
@@ -190,6 +195,17 @@ mod tests {
         assert!(matches!(refused("doorway 0.8 m, exposure 20 ms", SIZE, DAY), LoadError::Other));
         assert!(matches!(refused(&here().0, 2 * SIZE, DAY), LoadError::Other));
         assert!(matches!(refused(&here().0, SIZE, -1.0), LoadError::Old(0)));
+    }
+
+    #[test]
+    fn a_background_from_the_future_has_no_age() {
+        let bytes = saved();
+        let text = String::from_utf8_lossy(&bytes[..200]).into_owned();
+        let at = text.find("\"saved\":\"").unwrap() + 9;
+        let mut later = bytes.clone();
+        later[at..at + 4].copy_from_slice(b"2999");
+        let error = Snapshot::decode(&later, &here(), SIZE, DAY).map(drop).unwrap_err().to_string();
+        assert!(error.starts_with("it was saved at 2999-") && error.contains("later than now"), "{error}");
     }
 
     proptest! {
