@@ -30,6 +30,7 @@ use doorcam_core::schema;
 use doorcam_core::solver::{Lambda, ModelKind};
 use doorcam_core::tracking::Zone;
 use doorcam_core::transport::Kernel;
+use doorcam_source::files::{self, FileKind};
 
 /// A configuration that cannot be used. The message is one line that names the file, the line or key, and what was
 /// expected.
@@ -240,7 +241,7 @@ impl Config {
     /// If the file cannot be read, is not valid TOML, or has an unknown key or a value out of range.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let file = path.display();
-        let text = std::fs::read_to_string(path)
+        let text = files::read_text(path, FileKind::CONFIG)
             .map_err(|e| ConfigError(format!("{file}: cannot read the configuration: {e}")))?;
         let config = Self::parse(&text).map_err(|e| ConfigError(format!("{file}: {e}")))?;
         Ok(config)

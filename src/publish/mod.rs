@@ -31,9 +31,7 @@ use crate::config::Config;
 use crate::server::secret_file;
 use crate::watch::Hub;
 use doorcam_engine::Update;
-
-/// Longest file of certificates or of a secret, in bytes: a system's whole list of authorities takes a quarter.
-const LONGEST_FILE: u64 = 1_000_000;
+use doorcam_source::files::{self, FileKind};
 
 /// Why publishing cannot start.
 #[derive(Debug, thiserror::Error)]
@@ -117,7 +115,6 @@ impl Publishers {
 /// Reads a file that holds only a secret. Like a token's, it must be closed to others.
 fn secret(key: &'static str, file: &Path) -> Result<String, PublishError> {
     let refused = |reason: String| PublishError::File { key, file: file.into(), reason };
-    check_regular(key, file)?;
     let bytes = secret_file::read(file).map_err(|e| PublishError::Secret(format!("{key}: {e}")))?;
     let text = String::from_utf8(bytes).map_err(|_| refused("it is not UTF-8, expected a secret".into()))?;
     let secret = text.trim_end_matches(['\r', '\n']);
@@ -127,23 +124,12 @@ fn secret(key: &'static str, file: &Path) -> Result<String, PublishError> {
 /// Reads a file of certificates.
 fn certificates(key: &'static str, file: &Path) -> Result<Vec<u8>, PublishError> {
     let refused = |reason: String| PublishError::File { key, file: file.into(), reason };
-    check_regular(key, file)?;
-    let pem = std::fs::read(file).map_err(|e| refused(e.to_string()))?;
+    let pem = files::read(file, FileKind::CERTIFICATES).map_err(|e| refused(e.to_string()))?;
     let found = CertificateDer::pem_slice_iter(&pem).collect::<Result<Vec<_>, _>>();
     match found {
         Ok(found) if !found.is_empty() => Ok(pem),
         _ => Err(refused("no certificate in it, expected PEM (-----BEGIN CERTIFICATE-----)".into())),
     }
-}
-
-/// Refuses what is no regular file or a large one, before it is opened: reading from it might never end.
-fn check_regular(key: &'static str, file: &Path) -> Result<(), PublishError> {
-    let refused = |reason: String| PublishError::File { key, file: file.into(), reason };
-    let metadata = std::fs::metadata(file).map_err(|e| refused(e.to_string()))?;
-    if metadata.is_file() && metadata.len() <= LONGEST_FILE {
-        return Ok(());
-    }
-    Err(refused(format!("it is no regular file of at most {LONGEST_FILE} bytes")))
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

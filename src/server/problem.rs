@@ -2,6 +2,7 @@ use axum::body::Bytes;
 use axum::extract::rejection::BytesRejection;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use doorcam_source::files;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use utoipa::ToSchema;
@@ -32,11 +33,13 @@ impl ProblemDetails {
     /// Parses the JSON body of a request. The problem names the key and what was expected.
     pub(super) fn body<T: DeserializeOwned>(body: Result<Bytes, BytesRejection>) -> Result<T, Self> {
         let body = body?;
+        // Without a byte order mark, which JSON does not know.
+        let text = files::text(&body).map_err(|e| Self::bad_request(&format!("the body {e}")))?;
         // serde would also accept a list of the values.
-        if !body.trim_ascii_start().starts_with(b"{") {
+        if !text.trim_ascii_start().starts_with('{') {
             return Err(Self::bad_request("expected a JSON object"));
         }
-        let mut json = serde_json::Deserializer::from_slice(&body);
+        let mut json = serde_json::Deserializer::from_str(text);
         let read = serde_path_to_error::deserialize(&mut json)
             .map_err(|e| Self::bad_request(&format!("{}: {}", e.path(), e.inner())))?;
         json.end().map_err(|e| Self::bad_request(&format!("after the object: {e}")))?;

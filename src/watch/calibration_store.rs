@@ -1,11 +1,10 @@
 //! The calibration file: replaced atomically, with the previous version kept beside it.
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use doorcam_core::calibration::Calibration;
-use doorcam_source::files::replace;
+use doorcam_source::files::{self, FileKind, replace};
 
 /// A calibration file that cannot be read or written. Displays as one line with the path and the reason.
 #[derive(Debug, thiserror::Error)]
@@ -63,10 +62,10 @@ impl CalibrationStore {
             path: path.display().to_string(),
             reason: format!("cannot be written: {e}"),
         };
-        let kept = match fs::read(&self.file) {
+        let kept = match files::read(&self.file, FileKind::CALIBRATION) {
             Ok(bytes) => Some(bytes),
-            Err(e) if e.kind() == io::ErrorKind::NotFound => None,
-            Err(e) => return Err(failed(&self.file, &e)),
+            Err(e) if e.is_missing() => None,
+            Err(e) => return Err(failed(&self.file, &io::Error::other(e))),
         };
         let mut text = serde_json::to_vec_pretty(calibration).map_err(|e| failed(&self.file, &io::Error::other(e)))?;
         text.push(b'\n');
@@ -85,9 +84,9 @@ impl CalibrationStore {
 
 fn read(file: &Path) -> Result<Option<Calibration>, StoreError> {
     let failed = |reason: String| StoreError { path: file.display().to_string(), reason };
-    let text = match fs::read_to_string(file) {
+    let text = match files::read_text(file, FileKind::CALIBRATION) {
         Ok(text) => text,
-        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(e) if e.is_missing() => return Ok(None),
         Err(e) => return Err(failed(format!("cannot be read: {e}"))),
     };
     serde_json::from_str(&text).map(Some).map_err(|e| failed(format!("is not a calibration: {e}")))

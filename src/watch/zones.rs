@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 use crate::config::{ConfigError, check_zones};
 use crate::watch::{Command, Control, Hub, ZoneIds};
 use doorcam_core::tracking::Zone;
-use doorcam_source::files::replace;
+use doorcam_source::files::{self, FileKind, replace};
 
 /// Where the zones in use come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
@@ -78,9 +78,9 @@ impl ZoneKeeper {
     /// If the file cannot be read or holds no valid zones.
     pub fn load(file: &Path) -> Result<Option<Vec<Zone>>, ZonesRefused> {
         let failed = |reason: String| ZonesRefused::Store { file: file.to_owned(), reason };
-        let text = match std::fs::read_to_string(file) {
+        let text = match files::read_text(file, FileKind::ZONES) {
             Ok(text) => text,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) if e.is_missing() => return Ok(None),
             Err(e) => return Err(failed(format!("cannot be read: {e}"))),
         };
         let Kept { zones } = serde_json::from_str(&text).map_err(|e| failed(format!("has no zones: {e}")))?;

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::files::{self, FileKind, ReadError};
 use crate::recording::{Layout, Manifest};
 use crate::truth::{Target, TrueFrame, Truth};
 use doorcam_core::geometry::{Doorway, Point, Side};
@@ -23,6 +24,9 @@ pub enum ImportError {
     /// A file cannot be read or written.
     #[error("{0}: {1}")]
     Io(PathBuf, std::io::Error),
+    /// A file is not what it should be, or cannot be read.
+    #[error("{0}: {1}")]
+    Read(PathBuf, ReadError),
     /// An image is broken.
     #[error("{0}: {1}")]
     Image(PathBuf, String),
@@ -170,11 +174,11 @@ fn write(scene: &Scene, src: &Path, out: &Path) -> Result<(), ImportError> {
     }
     fs::create_dir_all(&frames).map_err(io(&frames))?;
     let mut size = [0, 0];
-    for (index, files) in scene.files.iter().enumerate() {
-        for (side, file) in Side::BOTH.into_iter().zip(files) {
+    for (index, pair) in scene.files.iter().enumerate() {
+        for (side, file) in Side::BOTH.into_iter().zip(pair) {
             let from = src.join(file);
             let to = frames.join(format!("{index:08}_{}.png", side.name()));
-            let bytes = fs::read(&from).map_err(io(&from))?;
+            let bytes = files::read(&from, FileKind::IMAGE).map_err(|e| ImportError::Read(from.clone(), e))?;
             let image = crate::image::decode(&bytes).map_err(|e| ImportError::Image(from.clone(), e.to_string()))?;
             size = [image.width, image.height];
             if bytes.starts_with(b"\x89PNG") {

@@ -12,6 +12,7 @@ use tokio_rustls::TlsAcceptor;
 use super::certificate::{Standing, Validity};
 use crate::config::TlsConfig;
 use crate::server::secret_file;
+use doorcam_source::files::{FileKind, ReadError, read as read_file};
 
 /// How often the files are checked. Changed files are used once they are the same in two checks in a row, because
 /// certificate and key are written one after the other.
@@ -126,8 +127,10 @@ fn load(files: &TlsConfig) -> Result<(ServerConfig, Option<Validity>), TlsError>
         TlsError(format!("tls.certificate_file: {}: {what}", files.certificate_file.display()))
     };
     let key = |what: &dyn std::fmt::Display| TlsError(format!("tls.key_file: {}: {what}", files.key_file.display()));
-    let chain =
-        std::fs::read(&files.certificate_file).map_err(|e| certificate(&format!("cannot read it: {}", e.kind())))?;
+    let chain = read_file(&files.certificate_file, FileKind::CERTIFICATES).map_err(|e| match e {
+        ReadError::Io(e) => certificate(&format!("cannot read it: {}", e.kind())),
+        e => certificate(&e),
+    })?;
     let chain = CertificateDer::pem_slice_iter(&chain).collect::<Result<Vec<_>, _>>().map_err(|e| certificate(&e))?;
     if chain.is_empty() {
         return Err(certificate(&"no certificate in it, expected PEM (-----BEGIN CERTIFICATE-----)"));

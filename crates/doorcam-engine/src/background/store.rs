@@ -1,11 +1,10 @@
-use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::job::{Job, Work};
 use crate::Model;
 use doorcam_core::light::{Fingerprint, Snapshot};
-use doorcam_source::files::replace;
+use doorcam_source::files::{self, FileKind, ReadError, replace};
 
 /// Keeps the background in a file from one run to the next.
 pub struct BackgroundStore {
@@ -78,15 +77,12 @@ impl BackgroundStore {
     }
 }
 
-/// Reads at most `longest` + 1 bytes of the file; `None` if it does not exist.
+/// Reads the file, which has at most `longest` bytes; `None` if it does not exist.
 fn read(path: &Path, longest: usize) -> Result<Option<Vec<u8>>, String> {
-    let file = match File::open(path) {
-        Ok(file) => file,
-        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(e) => return Err(format!("it cannot be read: {e}")),
-    };
-    let mut bytes = Vec::new();
-    let read = file.take(longest as u64 + 1).read_to_end(&mut bytes);
-    read.map_err(|e| format!("it cannot be read: {e}"))?;
-    Ok(Some(bytes))
+    match files::read(path, FileKind::new("a saved background", longest as u64)) {
+        Ok(bytes) => Ok(Some(bytes)),
+        Err(e) if e.is_missing() => Ok(None),
+        Err(ReadError::Io(e)) => Err(format!("it cannot be read: {e}")),
+        Err(e) => Err(format!("it {e}")),
+    }
 }

@@ -7,6 +7,7 @@ use super::Walk;
 use doorcam_core::geometry::Doorway;
 use doorcam_core::optics::Transfer;
 use doorcam_core::scene::Rgb;
+use doorcam_source::files::{self, FileKind};
 use doorcam_source::recording::Layout;
 
 /// A scenario that cannot be used: one line with the file, the line or key, and what was expected.
@@ -338,11 +339,9 @@ impl Scenario {
     pub fn load(name: &str) -> Result<Self, ScenarioError> {
         let error = |e: String| ScenarioError(format!("{name}: {e}"));
         if name.ends_with(".toml") || name.contains('/') {
-            let text = std::fs::read_to_string(Path::new(name)).map_err(|e| match e.kind() {
-                std::io::ErrorKind::NotFound => {
-                    error("no such file, expected a scenario (config/scenarios has some)".into())
-                }
-                _ => error(format!("cannot read the scenario: {e}")),
+            let text = files::read_text(Path::new(name), FileKind::SCENARIO).map_err(|e| match e {
+                e if e.is_missing() => error("no such file, expected a scenario (config/scenarios has some)".into()),
+                e => error(format!("cannot read the scenario: {}", e.words())),
             })?;
             return Self::parse(&text).map_err(error);
         }

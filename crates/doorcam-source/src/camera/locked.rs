@@ -4,6 +4,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
+use crate::files::{self, FileKind};
+
 /// The values that a camera's automatics had found when they were switched off, by control name. They are set again
 /// after a replug and, if there is a file for them, after a restart, so that the background stays valid.
 #[derive(Debug, Default)]
@@ -21,13 +23,18 @@ struct Kept {
 impl Locked {
     /// Values are kept in `file`, if given, and read from it if it exists.
     pub fn new(file: Option<PathBuf>) -> Self {
-        let kept = file.as_deref().and_then(|file| match std::fs::read(file) {
-            Ok(bytes) => serde_json::from_slice(&bytes)
-                .inspect_err(|e| {
-                    tracing::warn!("{}: locked controls cannot be read and will be found anew: {e}", file.display())
-                })
-                .ok(),
-            Err(_) => None,
+        let kept = file.as_deref().and_then(|file| {
+            let unread = |e: &dyn std::fmt::Display| {
+                tracing::warn!("{}: locked controls cannot be read and will be found anew: {e}", file.display());
+            };
+            match files::read_text(file, FileKind::CONTROLS) {
+                Ok(text) => serde_json::from_str(&text).inspect_err(|e| unread(e)).ok(),
+                Err(e) if e.is_missing() => None,
+                Err(e) => {
+                    unread(&e);
+                    None
+                }
+            }
         });
         Self { file, kept: Mutex::new(kept.unwrap_or_default()) }
     }
