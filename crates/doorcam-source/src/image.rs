@@ -23,6 +23,18 @@ pub fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
     Ok(decoder.image)
 }
 
+/// Width and height of a JPEG or PNG, without decoding it; none if it is neither or damaged at its beginning.
+pub(crate) fn size(bytes: &[u8]) -> Option<(usize, usize)> {
+    match bytes {
+        [0xff, 0xd8, ..] => super::jpeg::size(bytes),
+        [0x89, b'P', b'N', b'G', ..] => {
+            let side = |at: usize| bytes.get(at..at + 4)?.try_into().ok().map(|side| u32::from_be_bytes(side) as usize);
+            side(16).zip(side(20))
+        }
+        _ => None,
+    }
+}
+
 /// Decodes a raw frame to 8 bits a sample, for people and files; [`SensorFormat::decode_rows`] is for measuring.
 ///
 /// # Errors
@@ -65,11 +77,12 @@ pub fn encode_jpeg(image: &Image, quality: u8) -> Result<Vec<u8>, ImageError> {
 pub struct ImageDecoder {
     jpeg: JpegReader,
     image: Image,
+    lacked_end: bool,
 }
 
 impl Default for ImageDecoder {
     fn default() -> Self {
-        Self { jpeg: JpegReader::default(), image: Image::empty() }
+        Self { jpeg: JpegReader::default(), image: Image::empty(), lacked_end: false }
     }
 }
 
@@ -77,6 +90,11 @@ impl ImageDecoder {
     /// Decodes JPEGs to this depth; the default is 8 bits, for people.
     pub fn with_jpegs_of(depth: JpegDepth) -> Self {
         Self { jpeg: JpegReader::new(depth), ..Self::default() }
+    }
+
+    /// Whether the image that was decoded last is a JPEG that is whole but lacks its end marker.
+    pub fn lacked_end(&self) -> bool {
+        self.lacked_end
     }
 
     /// Decodes a JPEG or PNG.
@@ -96,19 +114,22 @@ impl ImageDecoder {
     /// as does damage in data that are not read.
     ///
     /// # Errors
-    /// As for [`ImageDecoder::decode`], for what is read; a missing end marker and missing or misplaced restart markers
-    /// are errors wherever they are.
+    /// As for [`ImageDecoder::decode`], for what is read; missing or misplaced restart markers are errors wherever they
+    /// are. A missing end marker is one unless all data are there and nothing follows them: then see
+    /// [`ImageDecoder::lacked_end`].
     pub fn decode_rows(
         &mut self,
         bytes: &[u8],
         expected: Option<(usize, usize)>,
         rows: Range<usize>,
     ) -> Result<&Image, ImageError> {
+        self.lacked_end = false;
         match bytes {
             [0xff, 0xd8, ..] => self.jpeg.decode_into(bytes, expected, rows, &mut self.image)?,
             [0x89, b'P', b'N', b'G', ..] => self.image = decode_png(bytes, expected)?,
             _ => return Err(ImageError::UnknownFormat),
         }
+        self.lacked_end = bytes[0] == 0xff && self.jpeg.lacked_end();
         Ok(&self.image)
     }
 
@@ -194,9 +215,16 @@ mod tests {
     fn a_jpeg_decodes_and_a_truncated_one_is_an_error() {
         let decoded = decode(JPEG).unwrap();
         assert_eq!((decoded.width, decoded.height), (16, 16));
-        for cut in [3, 20, JPEG.len() / 2, JPEG.len() - 1] {
+        for cut in [3, 20, JPEG.len() / 2, JPEG.len() - 3] {
             decode(&JPEG[..cut]).expect_err("truncated");
         }
+        for lacking in 1..=2 {
+            assert_eq!(decode(&JPEG[..JPEG.len() - lacking]).unwrap(), decoded, "only the end marker");
+        }
+        assert_eq!(
+            (size(JPEG), size(b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\x05\0\0\0\x02\xd0")),
+            (Some((16, 16)), Some((1280, 720)))
+        );
     }
 
     #[test]

@@ -51,7 +51,7 @@ pub enum ImageError {
 }
 
 /// Pixels of the largest image that is decoded: 8K. A file of a few hundred bytes may claim any size.
-const MOST_PIXELS: usize = 7680 * 4320;
+pub(crate) const MOST_PIXELS: usize = 7680 * 4320;
 
 /// An error if the sizes (width, height) differ, or if the image is too large to decode.
 pub(crate) fn check_size(got: (usize, usize), expected: Option<(usize, usize)>) -> Result<(), ImageError> {

@@ -92,6 +92,12 @@ impl<'a> Bits<'a> {
         if self.made_up > self.count { Err(Broken("its data end early")) } else { Ok(()) }
     }
 
+    /// Whether no whole byte is left, but for the beginning of a marker.
+    pub fn is_at_end(&self) -> bool {
+        let left_over = self.count.saturating_sub(self.made_up);
+        left_over < 8 && self.bytes.get(self.at..).is_none_or(|rest| rest.iter().all(|&byte| byte == 0xff))
+    }
+
     /// Moves past the restart marker, which must come next.
     pub fn restart(&mut self) -> Result<(), Broken> {
         self.check()?;

@@ -62,11 +62,12 @@ impl Exact {
 
     /// Decodes `rows` of the JPEG whose header was read last into `image`, at 16 bits a sample: a value v of 0 to 255
     /// becomes 257 v. The image's other rows keep their contents. Data below the last of the rows are read only if the
-    /// JPEG has no restart markers, since nothing else then reveals a missing part.
+    /// JPEG has no restart markers or no end marker, since nothing else then reveals a missing part.
     pub fn decode(
         &mut self,
         bytes: &[u8],
         header: &Header,
+        outline: &Outline,
         expected: Option<(usize, usize)>,
         rows: Range<usize>,
         image: &mut Image,
@@ -93,7 +94,7 @@ impl Exact {
         }
         let samples = image.sixteen_mut(width, height);
         let rows = rows.start.min(height)..rows.end.min(height);
-        let scan = Scan { header, tables, data, rows, strips, scratch, samples };
+        let scan = Scan { header, tables, data, rows, ended: outline.ended, strips, scratch, samples };
         Ok(arch.dispatch(scan)?)
     }
 }
@@ -113,6 +114,8 @@ struct Scan<'a> {
     tables: [Option<BlockTables<'a>>; 3],
     data: &'a [u8],
     rows: Range<usize>,
+    /// Whether there is an end marker.
+    ended: bool,
     strips: &'a mut [Strip; 3],
     scratch: &'a mut [Scratch; 3],
     samples: &'a mut [u16],
@@ -123,7 +126,7 @@ impl WithSimd for Scan<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
-        let Self { header, tables, data, rows, strips, scratch, samples } = self;
+        let Self { header, tables, data, rows, ended, strips, scratch, samples } = self;
         if rows.is_empty() {
             return Ok(());
         }
@@ -136,8 +139,8 @@ impl WithSimd for Scan<'_> {
         let mut bits = Bits::new(data);
         let mut means = [0_i32; 3];
         let mut units_left = header.restart_interval;
-        // Without restart markers, a missing part shows only in that the data run out early.
-        let read = if header.restart_interval > 0 { wanted.end } else { down };
+        // Without restart markers or an end marker, a missing part shows only in that the data run out early.
+        let read = if header.restart_interval > 0 && ended { wanted.end } else { down };
         for unit_row in 0..read {
             let show = wanted.contains(&unit_row);
             for unit_column in 0..across {
@@ -181,7 +184,8 @@ impl WithSimd for Scan<'_> {
             }
             strips.iter_mut().for_each(Strip::next);
         }
-        Ok(())
+        // Something else than the end marker follows, or the data are padded: they may have been cut off anywhere.
+        if ended || bits.is_at_end() { Ok(()) } else { Err(Broken("its data go on after the image")) }
     }
 }
 

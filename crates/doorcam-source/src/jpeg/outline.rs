@@ -1,12 +1,16 @@
 //! Scans a JPEG's markers before anything is decoded: where it ends, and whether a part of it is missing.
 
+use std::ops::Range;
+
 use crate::image_error::ImageError;
 
 /// What a JPEG's markers reveal.
 #[derive(Debug, Default)]
 pub(super) struct Outline {
-    /// Position of the end marker.
+    /// Position of the end marker, or of the end if there is none.
     pub end: usize,
+    /// Whether there is an end marker.
+    pub ended: bool,
     /// Whether it contains Huffman tables.
     pub huffman_tables: bool,
     /// Whether it is baseline or extended sequential, coded from top to bottom.
@@ -25,16 +29,20 @@ pub(super) struct Outline {
 }
 
 impl Outline {
-    /// Walks from marker to marker. Whatever follows the end marker is padding.
+    /// Walks from marker to marker. Whatever follows the end marker is padding. Without one, the data end with the
+    /// bytes, and whether all of them are there is for the decoder to say.
     pub fn of(bytes: &[u8]) -> Result<Self, ImageError> {
         let mut outline = Outline { restarts: Some(0), ..Outline::default() };
         let mut at = 2;
         loop {
-            let (marker, after) = next_marker(bytes, at).ok_or_else(cut_off)?;
+            let Some((marker, after)) = next_marker(bytes, at) else {
+                outline.end = bytes.len();
+                return if outline.scans > 0 { Ok(outline) } else { Err(cut_off()) };
+            };
             at = after;
             match marker {
                 0xd9 if outline.scans > 0 => {
-                    outline.end = after - 2;
+                    (outline.end, outline.ended) = (after - 2, true);
                     return Ok(outline);
                 }
                 0xd0..=0xd7 => {
@@ -92,6 +100,17 @@ pub(super) fn next_marker(bytes: &[u8], from: usize) -> Option<(u8, usize)> {
             &code => return Some((code, at + 1)),
         }
     }
+}
+
+/// The segments before the first scan: their markers, and where their contents are.
+pub(super) fn header_segments(bytes: &[u8]) -> impl Iterator<Item = (u8, Range<usize>)> {
+    let mut at = 2;
+    std::iter::from_fn(move || {
+        let (marker, after) = next_marker(bytes, at)?;
+        let content = segment(bytes, after)?;
+        at = after + 2 + content.len();
+        (marker != 0xda).then(|| (marker, at - content.len()..at))
+    })
 }
 
 /// The content of the segment whose length is at `at`.

@@ -240,7 +240,8 @@ fn what_is_missing_is_noticed_wherever_it_is() {
     for bytes in [&plain, &restarting] {
         let (start, end) = (data_start(bytes), bytes.len() - 2);
         let ended = |share: f64| [&bytes[..start + ((end - start) as f64 * share) as usize], &[0xff, 0xd9]].concat();
-        assert!(decodes(bytes) && !decodes(&bytes[..end]), "the end marker");
+        assert!(decodes(bytes) && decodes(&bytes[..end]) && decodes(&bytes[..=end]), "only the end marker is missing");
+        assert!(!decodes(&bytes[..end - 8]), "a little more is missing");
         assert!(!decodes(&ended(0.4)), "within the rows");
         assert!(!decodes(&ended(0.7)), "below them");
     }
@@ -286,11 +287,45 @@ fn padding_after_the_end_does_no_harm() {
 }
 
 #[test]
+fn a_jpeg_that_lacks_only_its_end_marker_is_whole() {
+    let bytes = [webcam(160, 96, None), webcam(160, 96, Some(7))];
+    for (depth, bytes) in DEPTHS.into_iter().flat_map(|depth| bytes.iter().map(move |bytes| (depth, bytes))) {
+        let mut reader = JpegReader::new(depth);
+        let mut image = Image::empty();
+        reader.decode_into(bytes, None, ALL, &mut image).unwrap();
+        assert!(!reader.lacked_end());
+        for cut in [2, 1] {
+            let mut without = Image::empty();
+            reader.decode_into(&bytes[..bytes.len() - cut], None, ALL, &mut without).unwrap();
+            assert!(reader.lacked_end() && without == image, "{cut}");
+        }
+        // Nobody knows what was there instead of the padding.
+        for padding in [&[0u8; 9][..], b"\0", b"junk"] {
+            let padded = [&bytes[..bytes.len() - 2], padding].concat();
+            let error = reader.decode_into(&padded, None, ALL, &mut image).unwrap_err();
+            assert_eq!(error.to_string(), "broken JPEG: cut off before its end marker");
+            assert!(!reader.lacked_end());
+        }
+        for padding in [1, 9, 1000, 40_000] {
+            let padded = [&bytes[..bytes.len() / 2], &vec![0; padding]].concat();
+            reader.decode_into(&padded, None, ALL, &mut image).expect_err("half of it is missing");
+        }
+    }
+    let pixels = picture(80, 48, 31);
+    let progressive = encode(&pixels, (80, 48), ColorType::Rgb, 90, |encoder| encoder.set_progressive(true));
+    let scans = encode(&pixels, (80, 48), ColorType::Rgb, 90, |encoder| encoder.set_optimized_huffman_tables(true));
+    for (depth, bytes) in DEPTHS.into_iter().flat_map(|depth| [(depth, &progressive), (depth, &scans)]) {
+        let error = decode(depth, &bytes[..bytes.len() - 2]).unwrap_err();
+        assert_eq!(error, "broken JPEG: cut off before its end marker", "a scan may be missing");
+    }
+}
+
+#[test]
 fn whatever_is_cut_off_or_left_out_makes_it_an_error() {
     for depth in DEPTHS {
         for bytes in [webcam(160, 96, None), webcam(160, 96, Some(7))] {
             let (start, end) = (data_start(&bytes), bytes.len() - 2);
-            for cut in (2..end).step_by(61) {
+            for cut in (2..end - 2).step_by(61) {
                 let error = decode(depth, &bytes[..cut]).unwrap_err();
                 assert_eq!(error, "broken JPEG: cut off before its end marker", "{cut}");
             }
