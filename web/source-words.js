@@ -31,12 +31,30 @@ const WORDS = {
 };
 
 /**
+ * Where a recording needs other words than a camera.
+ * @type {Record<string, SourceWords>}
+ */
+const OF_RECORDING = {
+  stalled: {
+    now: "Stalled",
+    trouble: "The recording's frames cannot be used",
+    advice: "The log and the status name the last one and the reason.",
+  },
+  lost: {
+    now: "Lost",
+    trouble: "The recording's files cannot be read",
+    advice: "Put its directory back: the map then carries on by itself.",
+  },
+};
+
+/**
  * The state of the source in plain words; of one this page does not know, the daemon's own word.
  * @param {Source} source
  * @returns {SourceWords}
  */
 export function sourceWords(source) {
-  const words = WORDS[source.state] ?? { now: source.state, trouble: null, advice: null };
+  const special = source.kind === "replay" ? OF_RECORDING[source.state] : undefined;
+  const words = special ?? WORDS[source.state] ?? { now: source.state, trouble: null, advice: null };
   if (source.state !== "failed" || !source.error) return words;
   return { ...words, trouble: `${words.trouble}: ${source.error}` };
 }

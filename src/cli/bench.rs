@@ -4,8 +4,9 @@ use anyhow::{Context, bail};
 use doorcam_engine::simulation::luminous::{Scenario, write_recording};
 use doorcam_engine::{BENCH_FRAMES, BenchReport, Quantiles, bench};
 use doorcam_source::recording::{Entry, Recording};
-use doorcam_source::{Purpose, RawFrame};
+use doorcam_source::{Purpose, RawFrame, SkipTally};
 
+use super::skipping::Skipping;
 use super::{ModelOptions, progress};
 use doorcam::feed::open_recording;
 
@@ -57,8 +58,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     });
     bar.finish_and_clear();
     let report = report.with_context(|| path.display().to_string())?;
-    for reason in &report.skipped {
-        tracing::warn!("skipped a frame: {reason}");
+    let mut skipped = SkipTally::default();
+    for frame in &report.skipped {
+        skipped.add(frame);
+    }
+    if let Some(words) = skipped.words() {
+        tracing::warn!("{}: {words}", path.display());
     }
     if arguments.json {
         println!("{}", serde_json::to_string(&report)?);
@@ -85,14 +90,19 @@ fn load(recording: &Recording) -> anyhow::Result<Vec<RawFrame>> {
     };
     let empty = recording.frames.iter().filter(|e| recording.purpose(e.index) == Purpose::Background);
     let after = recording.frames.iter().filter(|e| e.index >= background_end).take(BENCH_FRAMES);
-    let read = |entry: &Entry| match doorcam_source::load(recording, entry) {
+    let mut skipping = Skipping::default();
+    let mut read = |entry: &Entry| match doorcam_source::load(recording, entry) {
         Ok(frame) => Some(frame),
-        Err(reason) => {
-            tracing::warn!("skipped frame {}: {reason}", entry.index);
+        Err(skipped) => {
+            skipping.add(entry, &skipped, &indicatif::ProgressBar::hidden());
             None
         }
     };
-    Ok(empty.chain(after).filter_map(read).collect())
+    let frames: Vec<RawFrame> = empty.chain(after).filter_map(&mut read).collect();
+    if frames.is_empty() {
+        bail!("{}: no frame could be used{}", recording.path.display(), skipping.because());
+    }
+    Ok(frames)
 }
 
 fn table(report: &BenchReport) -> String {

@@ -20,6 +20,7 @@ mod reload;
 mod serve;
 mod service;
 mod simulate;
+mod skipping;
 mod source_help;
 
 use std::io::IsTerminal;

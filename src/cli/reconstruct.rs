@@ -11,6 +11,7 @@ use doorcam_source::Purpose;
 use doorcam_source::recording::Entry;
 use jiff::{SignedDuration, Timestamp};
 
+use super::skipping::Skipping;
 use super::{ModelOptions, manifest_of, progress};
 use doorcam::feed::open_recording;
 
@@ -74,7 +75,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let model = engine.watched().model;
     let pictures = arguments.output.as_deref().map(|dir| Pictures::new(dir, &recording.path)).transpose()?;
     let progress = progress(entries.len() as u64);
-    let mut skipped = 0;
+    let (mut skipping, mut used) = (Skipping::default(), false);
     let mut stdout = std::io::stdout().lock();
     for entry in entries {
         let stepped = doorcam_source::load(&recording, entry)
@@ -83,6 +84,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         match stepped {
             Ok(published) => {
                 if published.scene.is_some() {
+                    used = true;
                     writeln!(stdout, "{}", published.json)?;
                     stdout.flush()?;
                 }
@@ -94,18 +96,16 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
                     pictures.write(&model, entry.index, &published)?;
                 }
             }
-            Err(StepError::Skipped(reason)) => {
-                skipped += 1;
-                progress.suspend(|| tracing::warn!("skipped frame {}: {reason}", entry.index));
-            }
-            Err(e @ StepError::NoBackground) => bail!("{}: {e}", recording.path.display()),
+            Err(StepError::Skipped(skipped)) => skipping.add(entry, &skipped, &progress),
+            Err(e @ StepError::NoBackground) => bail!("{}: {e}{}", recording.path.display(), skipping.because()),
         }
         progress.inc(1);
     }
     progress.finish_and_clear();
-    if skipped > 0 {
-        tracing::warn!("{skipped} frames skipped");
+    if !used {
+        bail!("{}: no frame could be used{}", recording.path.display(), skipping.because());
     }
+    skipping.finish(&recording, &engine);
     Ok(())
 }
 

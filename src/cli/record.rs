@@ -9,9 +9,10 @@ use doorcam::feed::{Feed, Place, SourceSpec};
 use doorcam_core::calibration::Calibration;
 use doorcam_core::geometry::Doorway;
 use doorcam_source::camera::Setting;
+use doorcam_source::files::{self, FileKind};
 use doorcam_source::recorder::{Recorder, RecordingLimits, RecordingPlan, RecordingStatus, RecordingWriter};
 use doorcam_source::recording::Manifest;
-use doorcam_source::{Condition, Granted, Source, SourceEvent, SourceState};
+use doorcam_source::{Condition, Granted, SkipTally, Source, SourceEvent, SourceState};
 use indicatif::{ProgressBar, ProgressStyle};
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -221,7 +222,7 @@ fn unknown(size: [usize; 2]) -> Calibration {
 /// Loads a calibration, with the configuration's lens and transfer function where the file has none.
 fn load_calibration(file: &Path, config: &Config) -> anyhow::Result<Calibration> {
     let name = || file.display().to_string();
-    let text = std::fs::read_to_string(file).with_context(name)?;
+    let text = files::read_text(file, FileKind::CALIBRATION).with_context(name)?;
     let mut json = serde_json::Deserializer::from_str(&text);
     let mut calibration: Calibration = serde_path_to_error::deserialize(&mut json).with_context(name)?;
     calibration.lens = calibration.lens.or(config.camera.lens());
@@ -307,7 +308,7 @@ fn record(
         spinner.set_draw_target(indicatif::ProgressDrawTarget::stderr());
         spinner.set_style(ProgressStyle::with_template("{spinner} {msg}")?);
     }
-    let mut changed = None;
+    let (mut changed, mut skips) = (None, SkipTally::default());
     while !interrupted.load(Ordering::Relaxed) && !recorder.has_ended() && changed.is_none() {
         match source.next() {
             None => break,
@@ -318,7 +319,10 @@ fn record(
                 }
             }
             Some(SourceEvent::Skipped(skipped)) => {
-                spinner.suspend(|| tracing::warn!("skipped a frame: {skipped}"));
+                // A line for each of thousands of frames would hide all others.
+                if skips.add(&skipped).is_power_of_two() {
+                    spinner.suspend(|| tracing::warn!("skipped a frame, {} by now: {skipped}", skips.total()));
+                }
                 recorder.lost(1);
             }
             Some(SourceEvent::Lost(count) | SourceEvent::Superseded(count)) => recorder.lost(count),
@@ -345,7 +349,8 @@ fn record(
         );
     }
     if status.written.frames == 0 {
-        bail!("{out}: no frame was recorded");
+        let because = skips.words().map_or_else(String::new, |words| format!(": {words}"));
+        bail!("{out}: no frame was recorded{because}");
     }
     tracing::info!("recorded {}: {out}", summary(&status));
     Ok(())

@@ -213,7 +213,8 @@ fn start_camera(camera: Camera, every_frame: bool) -> Box<dyn Source> {
     Box::new(Supervisor::new(device, SystemClock::default(), u64::from(std::process::id())))
 }
 
-/// Opens a recording and logs the manifest keys that this version does not know.
+/// Opens a recording and logs what a user should know about it, such as manifest keys that this version does not know,
+/// files that are left out and frames that are missing.
 ///
 /// # Errors
 /// If there is no recording or its manifest cannot be used.
@@ -222,6 +223,7 @@ pub fn open_recording(directory: &Path) -> Result<Recording, SourceError> {
     for key in &recording.unknown_keys {
         tracing::warn!("{}: unknown key \"{key}\" is ignored", directory.join("recording.json").display());
     }
+    recording.notes.iter().for_each(|note| tracing::warn!("{note}"));
     Ok(recording)
 }
 

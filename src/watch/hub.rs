@@ -11,6 +11,7 @@ use crate::config::{Config, Preset, TrackerConfig};
 use crate::feed::SourceInfo;
 use crate::watch::meters::Meters;
 use crate::watch::recent::Recent;
+use crate::watch::skips::Skips;
 use crate::watch::tap::Tap;
 use crate::watch::watching::{Observed, Watching};
 use crate::watch::{TrackHistory, ZoneIds};
@@ -18,7 +19,7 @@ use doorcam_core::solver::ModelKind;
 use doorcam_core::tracking::{Event, Zone};
 use doorcam_engine::{BackgroundReport, Published, State, Update, Watched};
 use doorcam_source::recorder::RecordingStatus;
-use doorcam_source::{Condition, Granted, RawFrame, RawImages, SourceState};
+use doorcam_source::{Condition, Granted, RawFrame, RawImages, SkippedFrame, SourceState};
 
 /// The newest images, as the source delivered them.
 #[derive(Debug, Clone)]
@@ -67,6 +68,9 @@ struct Counters {
     frames: Frames,
     captured: Rate,
     solved: Rate,
+    skips: Skips,
+    /// The source's own condition, while `condition` says that its frames cannot be used.
+    reported: Option<Condition>,
 }
 
 /// Counts of frames since the start.
@@ -213,6 +217,8 @@ impl Hub {
             frames: Frames::default(),
             captured: Rate::default(),
             solved: Rate::default(),
+            skips: Skips::default(),
+            reported: None,
         };
         Self {
             watched: Mutex::new(watched),
@@ -380,6 +386,11 @@ impl Hub {
         counters.observed.updated(published.update.state, published.at, Timestamp::now());
         counters.frames.solved += 1;
         counters.solved.count(published.at);
+        counters.skips.end();
+        if let Some(reported) = counters.reported.take() {
+            self.meters.source_is(reported.state);
+            counters.condition = reported;
+        }
         drop(counters);
         self.meters.publish(&published.update);
         lock(&self.recent).take(&published.update);
@@ -412,14 +423,32 @@ impl Hub {
         self.meters.dropped.increment(count);
     }
 
-    /// Counts a skipped frame. Returns the total and whether the reason is the same as the previous one.
-    pub(super) fn skipped(&self, why: String) -> (u64, bool) {
+    /// Counts a skipped frame. If it is time for a line about frames of its kind, returns the total, and the number of
+    /// its kind since the last line.
+    pub(super) fn skipped(&self, skipped: &SkippedFrame) -> Option<(u64, u64)> {
         self.meters.skipped.increment(1);
-        let frames = &mut lock(&self.counters).frames;
-        frames.skipped += 1;
-        let same_again = frames.last_skipped.as_ref() == Some(&why);
-        frames.last_skipped = Some(why);
-        (frames.skipped, same_again)
+        let counters = &mut *lock(&self.counters);
+        counters.frames.skipped += 1;
+        counters.frames.last_skipped = Some(skipped.to_string());
+        let new = counters.skips.add(skipped, Instant::now())?;
+        Some((counters.frames.skipped, new))
+    }
+
+    /// Counts a frame that arrived but could not be used. After many in a row the source counts as stalled until one can
+    /// be used again. Returns whether it does, and the reason if that is news.
+    pub(super) fn unusable(&self, skipped: &SkippedFrame) -> (bool, Option<String>) {
+        let counters = &mut *lock(&self.counters);
+        counters.skips.unusable();
+        let Some(count) = counters.skips.trouble() else { return (false, None) };
+        if counters.condition.state != SourceState::Streaming {
+            return (true, None);
+        }
+        let reason = format!("{count} frames in a row cannot be used: {skipped}");
+        let Condition { granted, .. } = counters.condition.clone();
+        let stalled = Condition { state: SourceState::Stalled, reason: Some(reason.clone()), granted };
+        counters.reported = Some(std::mem::replace(&mut counters.condition, stalled));
+        self.meters.source_is(SourceState::Stalled);
+        (true, Some(reason))
     }
 
     /// Counts frames that were lost to internal errors.
@@ -444,6 +473,8 @@ impl Hub {
             self.meters.source_is(condition.state);
             counters.observed.source_is(condition.state, Instant::now(), Timestamp::now());
             counters.condition = condition;
+            counters.reported = None;
+            counters.skips.end();
         }
     }
 }
@@ -455,19 +486,42 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use doorcam_source::SkipKind;
+
+    fn skipped(name: &str, kind: SkipKind) -> SkippedFrame {
+        SkippedFrame::new(name, kind, "bad")
+    }
+
+    fn hub() -> Hub {
+        let kind = crate::feed::SourceKind::V4l2;
+        Hub::new(None, None, SourceInfo { spec: "v4l2:cam".into(), kind, notes: String::new(), fps: 15.0 })
+    }
 
     #[test]
-    fn the_same_reason_again_is_known_as_such() {
-        let source = SourceInfo {
-            spec: "v4l2:cam".into(),
-            kind: crate::feed::SourceKind::V4l2,
-            notes: String::new(),
-            fps: 15.0,
-        };
-        let hub = Hub::new(None, None, source);
-        let said: Vec<_> = ["small", "small", "broken", "small"].map(|why| hub.skipped(why.into())).into();
-        assert_eq!(said, [(1, false), (2, true), (3, false), (4, false)]);
+    fn reasons_of_one_kind_have_one_line_whatever_their_names() {
+        let hub = hub();
+        let said: Vec<_> =
+            [("a", SkipKind::Unfit), ("b", SkipKind::Unfit), ("c", SkipKind::Damaged), ("d", SkipKind::Unfit)]
+                .map(|(name, kind)| hub.skipped(&skipped(name, kind)))
+                .into();
+        assert_eq!(said, [Some((1, 1)), None, Some((3, 1)), None]);
         let status = hub.status(0);
-        assert_eq!((status.frames.skipped, status.frames.last_skipped.as_deref()), (4, Some("small")));
+        assert_eq!((status.frames.skipped, status.frames.last_skipped.as_deref()), (4, Some("d: bad")));
+    }
+
+    #[test]
+    fn a_source_whose_frames_cannot_be_used_does_not_stream() {
+        let hub = hub();
+        let streaming = Condition { state: SourceState::Streaming, reason: None, granted: None };
+        hub.condition(streaming.clone());
+        let news: Vec<_> = (0..12).map(|n| hub.unusable(&skipped(&n.to_string(), SkipKind::Damaged))).collect();
+        assert!(news[..9].iter().all(|news| *news == (false, None)));
+        let reason = "10 frames in a row cannot be used: 9: bad".to_owned();
+        assert_eq!(news[9..], [(true, Some(reason.clone())), (true, None), (true, None)]);
+        let source = hub.status(0).source;
+        assert_eq!((source.state, source.error), (SourceState::Stalled, Some(reason)));
+        // What the source itself reports comes first.
+        hub.condition(streaming);
+        assert_eq!(hub.status(0).source.state, SourceState::Streaming);
     }
 }

@@ -11,6 +11,7 @@ mod meters;
 mod recent;
 mod recordings;
 mod run;
+mod skips;
 mod tap;
 mod watching;
 mod zone_ids;

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use jiff::Timestamp;
 
 use crate::watch::hub::Hub;
+use crate::watch::skips::Unended;
 use crate::watch::{Mailbox, Put, Taken};
 use doorcam_core::tracking::Zone;
 use doorcam_engine::{Engine, StepError};
@@ -65,6 +66,10 @@ impl Control {
 /// After this many panics in a row, calls are delayed.
 const PANICS: u32 = 3;
 
+/// While no frame can be used: how long to wait between two of them. At full speed a recording would otherwise be read
+/// over and over, as fast as the disk gives it.
+const AFTER_UNUSABLE: Duration = Duration::from_millis(20);
+
 /// How often the solver thread looks for commands while no frames come.
 const TICK: Duration = Duration::from_millis(100);
 
@@ -93,6 +98,7 @@ pub fn start(source: Box<dyn Source>, engine: Option<Engine>, hub: Arc<Hub>) -> 
             may_lack_background: false,
             rebuild: false,
             resume: Instant::now(),
+            unended: Unended::default(),
             frame: None,
         };
         match solver.run() {
@@ -213,6 +219,9 @@ impl Capture<'_> {
 fn tell(condition: &Condition, before: SourceState) {
     let Some(granted) = &condition.granted else {
         condition.reason.iter().for_each(|reason| tracing::warn!("{reason}"));
+        if condition.state == SourceState::Streaming && before == SourceState::Lost {
+            tracing::info!("frames come again");
+        }
         return;
     };
     let Granted { card, node, format, size: [width, height], fps, mismatches, .. } = granted;
@@ -228,12 +237,12 @@ fn tell(condition: &Condition, before: SourceState) {
     mismatches.iter().for_each(|mismatch| tracing::warn!("{node}: {mismatch}"));
 }
 
-/// Counts a frame that could not be used. A camera that delivers nothing else for weeks must not fill the log, so a
-/// repeated reason is logged at powers of two only.
+/// Counts a frame that could not be used, and logs it unless a line about frames of its kind is less than a minute old.
 fn skip(hub: &Hub, skipped: &SkippedFrame) {
-    let (count, same_again) = hub.skipped(skipped.to_string());
-    if !same_again || count.is_power_of_two() {
-        tracing::warn!("skipped a frame, {count} by now: {skipped}");
+    match hub.skipped(skipped) {
+        None => {}
+        Some((total, 1)) => tracing::warn!("skipped a frame, {total} by now: {skipped}"),
+        Some((total, new)) => tracing::warn!("skipped {new} frames, {total} by now: the last is {skipped}"),
     }
 }
 
@@ -249,6 +258,8 @@ struct Solver<'a> {
     rebuild: bool,
     /// No frame is worked on before this time.
     resume: Instant,
+    /// JPEGs without an end marker.
+    unended: Unended,
     /// Name of the current frame.
     frame: Option<Arc<str>>,
 }
@@ -303,9 +314,20 @@ impl Solver<'_> {
         let Some(engine) = &mut self.engine else { return Step::Idle };
         self.frame = Some(Arc::clone(&frame.name));
         let solved = engine.step(&frame, time);
+        if let Some(count) = self.unended.counted(engine.without_end_marker(), Instant::now()) {
+            let name = &frame.name;
+            tracing::warn!("{name}: JPEGs without their end marker: {count} more; all else is there, so they are used");
+        }
         match solved {
             Ok(published) => self.hub.publish(published),
-            Err(StepError::Skipped(skipped)) => skip(self.hub, &skipped),
+            Err(StepError::Skipped(skipped)) => {
+                skip(self.hub, &skipped);
+                let (trouble, news) = self.hub.unusable(&skipped);
+                news.iter().for_each(|reason| tracing::warn!("{reason}"));
+                if trouble {
+                    self.resume = Instant::now() + AFTER_UNUSABLE;
+                }
+            }
             // A looped recording will show the empty room again.
             Err(StepError::NoBackground) if self.may_lack_background => {}
             Err(e @ StepError::NoBackground) => return Step::Over(Err(e.to_string())),

@@ -323,7 +323,7 @@ describe("the camera's picture", () => {
     await page.locator("#cal-notice").waitFor({ state: "hidden" });
     mock.frame = null;
     await page.locator("#cal-notice", { hasText: /^No new picture · picture \d+ s old$/ }).waitFor();
-    mock.status.source = { ...mock.status.source, state: "lost", error: "no such device" };
+    mock.status.source = { ...mock.status.source, kind: "v4l2", state: "lost", error: "no such device" };
     await page.locator("#cal-notice", { hasText: "The camera is gone" }).waitFor();
     await page.locator("#source-trouble", { hasText: "plug it in again" }).waitFor();
     await page.getByText("Back to the map").click();

@@ -24,6 +24,7 @@ mod history_hostile;
 mod history_kill;
 mod history_lost;
 mod hostile;
+mod input;
 mod live;
 mod mqtt;
 mod openapi;

@@ -142,6 +142,11 @@ impl Engine {
         }
     }
 
+    /// Number of frames whose JPEGs were whole but lacked their end markers. They are used.
+    pub fn without_end_marker(&self) -> u64 {
+        self.reader.without_end()
+    }
+
     /// Compares the last frame's solution with those from `starts` random starts; `None` before the first solution.
     pub fn audit(&self, starts: usize) -> Option<Audit> {
         self.reconstructor.audit(starts)

@@ -9,7 +9,7 @@ use doorcam_core::optics::Transfer;
 use doorcam_core::transport::PatchGrid;
 use doorcam_source::image::{ImageDecoder, JpegDepth};
 use doorcam_source::recording::Manifest;
-use doorcam_source::{RawFrame, RawImages, SkippedFrame};
+use doorcam_source::{RawFrame, RawImages, SkipKind, SkippedFrame};
 
 /// Decodes frames and rectifies them into patch pairs in linear light.
 #[derive(Debug, Clone)]
@@ -18,6 +18,7 @@ pub struct FrameReader {
     table: LightTable,
     rectifier: Rectifier,
     patch: PatchGrid,
+    without_end: u64,
 }
 
 #[derive(Debug, Clone)]
@@ -77,7 +78,18 @@ impl FrameReader {
             Preprocessing::Published => (Decoding::Published, JpegDepth::Eight),
             Preprocessing::Linear => (Decoding::Light(transfer.clone()), JpegDepth::Exact),
         };
-        Self { decoder: ImageDecoder::with_jpegs_of(depth), table: LightTable::new(&decoding), rectifier, patch }
+        Self {
+            decoder: ImageDecoder::with_jpegs_of(depth),
+            table: LightTable::new(&decoding),
+            rectifier,
+            patch,
+            without_end: 0,
+        }
+    }
+
+    /// Number of frames whose JPEGs are whole but lack their end markers. They are used.
+    pub fn without_end(&self) -> u64 {
+        self.without_end
     }
 
     /// The patches it produces.
@@ -99,23 +111,24 @@ impl FrameReader {
     ///
     /// If an image cannot be decoded, has another size, or is not of the kind that this reader expects.
     pub fn read(&mut self, frame: &RawFrame, pair: &mut PatchPair) -> Result<ReadTimes, SkippedFrame> {
-        let skipped = |reason: String| SkippedFrame { name: frame.name.to_string(), reason };
+        let unfit = |reason: &str| SkippedFrame::new(&*frame.name, SkipKind::Unfit, reason);
         let mut times = ReadTimes::default();
         let mut timed =
             |slot: fn(&mut ReadTimes) -> &mut Duration, start: Instant| *slot(&mut times) += start.elapsed();
         let decoder = &mut self.decoder;
+        let mut lacked_end = false;
         match (&mut self.rectifier, &frame.images) {
             (Rectifier::Patches(rectifiers), RawImages::Patches(images)) => {
                 for ((side, rectifier), bytes) in Side::BOTH.into_iter().zip(rectifiers).zip(images) {
                     let start = Instant::now();
-                    let image = decoder.decode(bytes, None).map_err(|e| SkippedFrame {
-                        name: frame.name.replace("_left.", &format!("_{}.", side.name())),
-                        reason: e.to_string(),
+                    let image = decoder.decode(bytes, None).map_err(|e| {
+                        SkippedFrame::undecoded(frame.name.replace("_left.", &format!("_{}.", side.name())), &e)
                     })?;
                     timed(|t| &mut t.decode, start);
                     let start = Instant::now();
                     rectifier.apply(image, &self.table, pair.side_mut(side));
                     timed(|t| &mut t.rectify, start);
+                    lacked_end |= decoder.lacked_end();
                 }
             }
             (Rectifier::Camera(camera, rows), images) => {
@@ -124,19 +137,21 @@ impl FrameReader {
                     RawImages::Camera(bytes) => decoder.decode_rows(bytes, Some(camera.image_size()), rows.clone()),
                     RawImages::Sensor(format, bytes) => decoder.decode_sensor(format, bytes, rows.clone()),
                     RawImages::Patches(_) => {
-                        return Err(skipped("a pair of patches, expected a camera's image".into()));
+                        return Err(unfit("a pair of patches, expected a camera's image"));
                     }
                 };
-                let image = image.map_err(|e| skipped(e.to_string()))?;
+                let image = image.map_err(|e| SkippedFrame::undecoded(&*frame.name, &e))?;
                 timed(|t| &mut t.decode, start);
                 let start = Instant::now();
-                camera.apply(image, &self.table, pair).map_err(|e| skipped(e.to_string()))?;
+                camera.apply(image, &self.table, pair).map_err(|e| unfit(&e.to_string()))?;
                 timed(|t| &mut t.rectify, start);
+                lacked_end = !matches!(images, RawImages::Sensor(..)) && decoder.lacked_end();
             }
             (Rectifier::Patches(_), RawImages::Camera(_) | RawImages::Sensor(..)) => {
-                return Err(skipped("a camera's image, expected a pair of patches".into()));
+                return Err(unfit("a camera's image, expected a pair of patches"));
             }
         }
+        self.without_end += u64::from(lacked_end);
         Ok(times)
     }
 }
@@ -218,6 +233,23 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn jpegs_that_lack_only_their_end_marker_are_used_and_counted() {
+        let mut reader = FrameReader::for_calibration(&Settings::default(), &calibration()).unwrap();
+        let mut jpeg = Vec::new();
+        let encoder = jpeg_encoder::Encoder::new(&mut jpeg, 90);
+        encoder.encode(&[120; 3 * 600 * 200], 600, 200, jpeg_encoder::ColorType::Rgb).unwrap();
+        let (mut whole, mut without) = (PatchPair::zeros(64), PatchPair::zeros(64));
+        let mut read = |bytes: &[u8], pair: &mut PatchPair| {
+            reader.read(&frame(RawImages::Camera(Arc::new(bytes.to_vec()))), pair).map(|_| reader.without_end())
+        };
+        assert_eq!(read(&jpeg, &mut whole), Ok(0));
+        assert_eq!(read(&jpeg[..jpeg.len() - 2], &mut without), Ok(1));
+        assert_eq!(without.side(Side::Left).data(), whole.side(Side::Left).data());
+        read(&jpeg[..jpeg.len() / 2], &mut without).expect_err("half of it is missing");
+        assert_eq!(read(&jpeg, &mut whole), Ok(1));
     }
 
     #[test]

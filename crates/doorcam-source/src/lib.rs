@@ -18,7 +18,7 @@
 //! | [`recorder`] | writes frames into a recording while they arrive |
 //! | [`truth`] | where people really were in a recording |
 //! | [`import`] | the data files of the paper's authors, as recordings |
-//! | [`files`] | files that are written completely or not at all |
+//! | [`files`] | files that are read only if they are what they should be, and written completely or not at all |
 //!
 //! # Conventions
 //!
@@ -80,6 +80,7 @@
 // Input from users, files and devices must never cause a panic.
 #![warn(clippy::unwrap_used, clippy::expect_used)]
 
+mod bounded;
 pub mod camera;
 mod clock;
 pub mod files;
@@ -87,12 +88,14 @@ pub mod image;
 mod image_error;
 pub mod import;
 mod jpeg;
+mod orientation;
 #[cfg_attr(not(feature = "v4l2"), allow(dead_code))]
 mod pool;
 pub mod recorder;
 pub mod recording;
 mod replay;
 pub mod sensor;
+mod skipped;
 pub mod truth;
 #[cfg(feature = "v4l2")]
 pub mod v4l2;
@@ -106,6 +109,7 @@ use jiff::Timestamp;
 pub use replay::{Pace, Replay, ReplayOptions, load};
 use sensor::SensorFormat;
 use serde::Serialize;
+pub use skipped::{SkipKind, SkipTally, SkippedFrame};
 
 /// A frame as captured, not yet decoded: a frame that a newer one replaces need not be decoded.
 #[derive(Debug, Clone, PartialEq)]
@@ -148,16 +152,6 @@ pub enum RawImages {
     Patches([Arc<Vec<u8>>; 2]),
 }
 
-/// A frame that could not be read or decoded. The next one may be fine.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{name}: {reason}")]
-pub struct SkippedFrame {
-    /// The file or device.
-    pub name: String,
-    /// What was wrong with it.
-    pub reason: String,
-}
-
 /// What a source reports.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SourceEvent {
@@ -195,9 +189,9 @@ pub enum SourceState {
     Opening,
     /// Frames are arriving.
     Streaming,
-    /// The device is present but delivers no frames.
+    /// The device is present but delivers no frames, or none that can be used.
     Stalled,
-    /// The device is gone.
+    /// The device is gone, or the files of the recording are.
     Lost,
     /// Waiting before the next attempt to open the device.
     BackingOff,
@@ -250,6 +244,6 @@ pub struct SourceError {
 impl SourceError {
     /// An error about the file `path`; `reason` says what was expected of it.
     pub fn new(path: &Path, reason: impl Into<String>) -> Self {
-        Self { path: path.display().to_string(), reason: reason.into() }
+        Self { path: files::shown(path), reason: reason.into() }
     }
 }

@@ -4,12 +4,32 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::bounded::bounded;
+use crate::files::{self, FileKind, ReadError};
+use crate::recording::{MOST_FRAMES, brief, median, other_unit};
 use doorcam_core::scene::Rgb;
+
+/// Most people in one frame: more than fit into a room. Who is who among them takes a time that grows as the cube of
+/// their number.
+const MOST_PEOPLE: usize = 256;
+
+/// Farthest place of a person from the door, in metres: no floor shows anybody who is farther away.
+const FARTHEST_M: f64 = 100.0;
+
+/// Largest radius of a body, in metres.
+const LARGEST_RADIUS_M: f64 = 5.0;
+
+/// Brightest colour of a body; white is 1.
+const BRIGHTEST: f64 = 1000.0;
+
+/// Latest time, in seconds: as for `timestamps.csv`.
+const LATEST_S: f64 = 1e10;
 
 /// The truth of a recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
     /// Frame by frame. Of a frame that is not listed, the truth is unknown.
+    #[serde(deserialize_with = "bounded::<_, _, MOST_FRAMES>")]
     pub frames: Vec<TrueFrame>,
 }
 
@@ -21,6 +41,7 @@ pub struct TrueFrame {
     /// Time of the frame, in seconds.
     pub t: f64,
     /// Everybody in the hidden room.
+    #[serde(deserialize_with = "bounded::<_, _, MOST_PEOPLE>")]
     pub targets: Vec<Target>,
 }
 
@@ -46,7 +67,7 @@ pub struct Target {
 pub enum TruthError {
     /// The file cannot be read.
     #[error("{0}: {1}")]
-    Io(PathBuf, std::io::Error),
+    Io(PathBuf, ReadError),
     /// The contents are invalid.
     #[error("{path}: {key}: {message}")]
     Invalid {
@@ -69,19 +90,69 @@ impl Truth {
     /// If the file exists but cannot be read, or is invalid.
     pub fn of_recording(directory: &Path) -> Result<Option<Self>, TruthError> {
         let path = directory.join(Self::FILE);
-        let text = match std::fs::read_to_string(&path) {
+        let text = match files::read_text(&path, FileKind::TRUTH) {
             Ok(text) => text,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) if e.is_missing() => return Ok(None),
             Err(e) => return Err(TruthError::Io(path, e)),
         };
         let mut json = serde_json::Deserializer::from_str(&text);
-        match serde_path_to_error::deserialize(&mut json) {
-            Ok(truth) => Ok(Some(truth)),
+        let truth: Self = match serde_path_to_error::deserialize(&mut json) {
+            Ok(truth) => truth,
             Err(e) => {
                 let key = e.path().to_string();
-                Err(TruthError::Invalid { path, key, message: e.into_inner().to_string() })
+                return Err(TruthError::Invalid { path, key, message: e.into_inner().to_string() });
+            }
+        };
+        match truth.check() {
+            Ok(()) => Ok(Some(truth)),
+            Err((key, message)) => Err(TruthError::Invalid { path, key, message }),
+        }
+    }
+
+    /// The first value that cannot be: its key and what is wrong.
+    fn check(&self) -> Result<(), (String, String)> {
+        for (n, frame) in self.frames.iter().enumerate() {
+            let within = |key: String, value: f64, least: f64, most: f64, what: &str| {
+                if (least..=most).contains(&value) {
+                    return Ok(());
+                }
+                Err((
+                    format!("frames[{n}].{key}"),
+                    format!("{value} is not possible, expected {least} to {most} {what}"),
+                ))
+            };
+            within("t".into(), frame.t, -LATEST_S, LATEST_S, "seconds")?;
+            for (k, target) in frame.targets.iter().enumerate() {
+                let of = |key: &str| format!("targets[{k}].{key}");
+                within(of("x_m"), target.x_m, -FARTHEST_M, FARTHEST_M, "metres")?;
+                within(of("y_m"), target.y_m, -FARTHEST_M, FARTHEST_M, "metres")?;
+                within(of("radius_m"), target.radius_m, 0.0, LARGEST_RADIUS_M, "metres")?;
+                for (c, value) in target.rgb.into_iter().enumerate() {
+                    within(of(&format!("rgb[{c}]")), value, -BRIGHTEST, BRIGHTEST, "(white is 1)")?;
+                }
             }
         }
+        Ok(())
+    }
+
+    /// Checks that the times of the frames are in seconds, given the recording's frames a second.
+    ///
+    /// # Errors
+    /// If they are not, in words: the key and the likely unit.
+    pub fn check_times(&self, fps: f64) -> Result<(), String> {
+        let steps = self.frames.windows(2).filter_map(|pair| {
+            let frames = pair[1].index.checked_sub(pair[0].index).filter(|&frames| frames > 0)?;
+            Some((pair[1].t - pair[0].t) / frames as f64).filter(|&step| step > 0.0)
+        });
+        let Some(step) = median(steps.collect()) else { return Ok(()) };
+        other_unit(step, fps).map_or(Ok(()), |unit| {
+            Err(format!(
+                "frames[1].t: the times are {} s a frame apart, but {} s by fps in recording.json; they are probably \
+                 {unit}, expected seconds",
+                brief(step),
+                brief(1.0 / fps)
+            ))
+        })
     }
 }
 
@@ -102,6 +173,59 @@ mod tests {
         let truth = read(text).unwrap().unwrap();
         let target = Target { id: 7, x_m: -1.0, y_m: 2.5, radius_m: 0.0, rgb: [0.0; 3] };
         assert_eq!(truth.frames, [TrueFrame { index: 3, t: 0.6, targets: vec![target] }]);
+    }
+
+    #[test]
+    fn impossible_values_and_counts_are_refused_by_their_key() {
+        let with = |t: &str, x: &str, more: &str| {
+            let text = format!(
+                r#"{{"frames": [{{"index": 0, "t": {t}, "targets": [{{"id": 1, "x_m": {x}, "y_m": 1{more}}}]}}]}}"#
+            );
+            read(&text).map(drop).map_err(|e| e.to_string().split("truth.json: ").nth(1).unwrap().to_owned())
+        };
+        assert_eq!(with("-0.0", "-0", r#", "radius_m": 0, "rgb": [-0.1, 0, 5e-324]"#), Ok(()));
+        let key = |result: Result<(), String>| result.expect_err("refused").split(": ").next().unwrap().to_owned();
+        for value in ["1e308", "-1e9", "100.5"] {
+            assert_eq!(key(with("0", value, "")), "frames[0].targets[0].x_m", "{value}");
+        }
+        assert_eq!(key(with("1e300", "0", "")), "frames[0].t");
+        assert_eq!(key(with("0", "0", r#", "radius_m": -1"#)), "frames[0].targets[0].radius_m");
+        assert_eq!(key(with("0", "0", r#", "rgb": [0, 1e300, 0]"#)), "frames[0].targets[0].rgb[1]");
+        let crowd = |count: usize| {
+            let target = |id: usize| format!(r#"{{"id": {id}, "x_m": 0, "y_m": 1}}"#);
+            let targets = (0..count).map(target).collect::<Vec<_>>().join(",");
+            read(&format!(r#"{{"frames": [{{"index": 0, "t": 0, "targets": [{targets}]}}]}}"#))
+        };
+        assert_eq!(crowd(256).unwrap().unwrap().frames[0].targets.len(), 256);
+        let error = crowd(20_000).unwrap_err().to_string();
+        assert!(error.contains("truth.json: frames[0].targets: more than 256 values, expected at most 256"), "{error}");
+    }
+
+    #[test]
+    fn other_units_of_time_are_named() {
+        let truth = |step: f64| {
+            let frame = |index: u64| TrueFrame { index, t: step * index as f64, targets: Vec::new() };
+            Truth { frames: [0, 1, 2, 5, 6].map(frame).into() }
+        };
+        truth(0.1).check_times(10.0).unwrap();
+        truth(0.0).check_times(10.0).unwrap();
+        let error = truth(100.0).check_times(10.0).unwrap_err();
+        assert_eq!(
+            error,
+            "frames[1].t: the times are 100 s a frame apart, but 0.1 s by fps in recording.json; they are probably \
+             milliseconds, expected seconds"
+        );
+    }
+
+    #[test]
+    fn a_byte_order_mark_is_taken_and_another_encoding_named() {
+        let text = r#"{"frames": []}"#;
+        assert_eq!(read(&format!("\u{feff}{text}")).unwrap().unwrap().frames, []);
+        let dir = tempfile::tempdir().unwrap();
+        let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+        std::fs::write(dir.path().join(Truth::FILE), wide).unwrap();
+        let error = Truth::of_recording(dir.path()).unwrap_err().to_string();
+        assert!(error.ends_with("truth.json: is text in UTF-16 or UTF-32, expected UTF-8"), "{error}");
     }
 
     #[test]

@@ -5,18 +5,20 @@ mod yardstick;
 use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::CommandFactory;
 use doorcam::config::Config;
 use doorcam_engine::Assembly;
 use doorcam_engine::evaluation::{Observed, Report, Scorer, read_updates};
 use doorcam_engine::{Model, Published, StepError};
 use doorcam_source::Purpose;
+use doorcam_source::files::{self, FileKind};
 use doorcam_source::recording::{Entry, Recording};
 use doorcam_source::truth::Truth;
 
 use self::yardstick::{Yardstick, bound_m};
 use super::reconstruct::recording_time;
+use super::skipping::Skipping;
 use super::{ModelOptions, manifest_of, progress};
 use doorcam::feed::open_recording;
 
@@ -121,17 +123,19 @@ fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Resu
         );
     }
     let settle = arguments.settle.unwrap_or(if arguments.detections { 0.0 } else { 1.0 });
+    truth.check_times(recording.manifest.fps).map_err(|e| anyhow!("{}: {e}", truth_file.display()))?;
     let mut scorer = Scorer::new(&truth, first, settle).with_context(|| truth_file.display().to_string())?;
+    let mut skipping = Skipping::default();
     match &arguments.updates {
         Some(file) => {
-            let opened = std::fs::File::open(file).with_context(|| file.display().to_string())?;
+            let opened = files::open(file, FileKind::UPDATES).with_context(|| file.display().to_string())?;
             let updates = read_updates(BufReader::new(opened)).with_context(|| file.display().to_string())?;
             updates.iter().for_each(|update| scorer.score(update));
         }
         None => {
             let observed = if arguments.detections { Observed::detections } else { Observed::tracks };
             let mut yardstick = Yardstick::default();
-            reconstruct(config, &recording, |model, published| {
+            reconstruct(config, &recording, &mut skipping, |model, published| {
                 let bound = yardstick.of(model, published);
                 scorer
                     .score_against(&observed(published), |place, estimate| bound_m(bound, published, place, estimate));
@@ -141,7 +145,8 @@ fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Resu
     let evaluation = scorer.finish();
     if evaluation.frames.is_empty() {
         let from = arguments.updates.as_deref().unwrap_or(path);
-        bail!("{}: no update of a frame that is in {}", from.display(), truth_file.display());
+        let truth = truth_file.display();
+        bail!("{}: no update of a frame that is in {truth}{}", from.display(), skipping.because());
     }
     if evaluation.unseen > 0 {
         tracing::warn!(
@@ -158,14 +163,18 @@ fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Resu
 }
 
 /// Processes the frames of a recording as if they were live; calls `each` with every update after the background.
-fn reconstruct(config: &Config, recording: &Recording, mut each: impl FnMut(&Model, &Published)) -> anyhow::Result<()> {
+fn reconstruct(
+    config: &Config,
+    recording: &Recording,
+    skipping: &mut Skipping,
+    mut each: impl FnMut(&Model, &Published),
+) -> anyhow::Result<()> {
     let named = || manifest_of(&recording.path);
     let mut engine = Assembly::new(config.settings()).for_recording(&recording.manifest).with_context(named)?;
     let model = engine.watched().model;
     let entries: Vec<&Entry> =
         recording.frames.iter().filter(|e| recording.purpose(e.index) != Purpose::Before).collect();
     let progress = progress(entries.len() as u64);
-    let mut skipped = 0;
     for entry in entries {
         let stepped = doorcam_source::load(recording, entry)
             .map_err(StepError::Skipped)
@@ -173,17 +182,12 @@ fn reconstruct(config: &Config, recording: &Recording, mut each: impl FnMut(&Mod
         match stepped {
             Ok(published) if published.scene.is_some() => each(&model, &published),
             Ok(_) => {}
-            Err(StepError::Skipped(reason)) => {
-                skipped += 1;
-                progress.suspend(|| tracing::warn!("skipped frame {}: {reason}", entry.index));
-            }
-            Err(e @ StepError::NoBackground) => bail!("{}: {e}", recording.path.display()),
+            Err(StepError::Skipped(skipped)) => skipping.add(entry, &skipped, &progress),
+            Err(e @ StepError::NoBackground) => bail!("{}: {e}{}", recording.path.display(), skipping.because()),
         }
         progress.inc(1);
     }
     progress.finish_and_clear();
-    if skipped > 0 {
-        tracing::warn!("{}: {skipped} frames skipped", recording.path.display());
-    }
+    skipping.finish(recording, &engine);
     Ok(())
 }

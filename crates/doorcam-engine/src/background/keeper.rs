@@ -8,7 +8,7 @@ use crate::settings::BackgroundSettings;
 use crate::{BackgroundReport, Reconstruction, Reconstructor, State};
 use doorcam_core::light::{Background, Learned, PatchPair, RollingBackground, Snapshot, Startup, StartupSpec};
 use doorcam_core::solver::{ModelKind, ProjectionError};
-use doorcam_source::Purpose;
+use doorcam_source::{Purpose, SkipKind, SkippedFrame};
 
 /// Maintains the background over time: learns it, follows slow changes and decides when it must be learned anew.
 ///
@@ -443,7 +443,7 @@ impl KeeperError {
     /// Turns it into the error of the frame called `name`.
     pub fn of(self, name: &str) -> StepError {
         match self {
-            Self::Projection(e) => doorcam_source::SkippedFrame { name: name.into(), reason: e.to_string() }.into(),
+            Self::Projection(e) => SkippedFrame::new(name, SkipKind::Unfit, e.to_string()).into(),
             Self::NoBackground => StepError::NoBackground,
         }
     }

@@ -1,10 +1,11 @@
-use std::io::BufRead;
+use std::io::{BufRead, Read as _};
 
 use serde::Deserialize;
 
 use crate::{Published, Timing};
 use doorcam_core::geometry::Point;
 use doorcam_core::tracking::{Covariance, Detection, Track, TrackState};
+use doorcam_source::files::text;
 
 /// A person as reported in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,12 +77,21 @@ impl Observed {
     }
 }
 
+/// Longest line of an update. One with thousands of facets has a megabyte.
+const LONGEST_LINE: u64 = 64 << 20;
+
+/// Most tracks in one update. Who is who among them takes a time that grows faster than their number.
+const MOST_TRACKS: usize = 1024;
+
 /// Why a file of updates cannot be scored.
 #[derive(Debug, thiserror::Error)]
 pub enum ObservedError {
     /// The file cannot be read.
     #[error(transparent)]
     Io(#[from] std::io::Error),
+    /// A line does not end.
+    #[error("line {} is longer than {} MB, expected an update", .0, LONGEST_LINE >> 20)]
+    LongLine(usize),
     /// A line is not an update.
     #[error("line {line}: {key}: {message}")]
     Invalid {
@@ -136,19 +146,30 @@ enum TrackLineState {
 /// # Errors
 ///
 /// If reading fails or a line is not an update.
-pub fn read_updates(from: impl BufRead) -> Result<Vec<Observed>, ObservedError> {
+pub fn read_updates(mut from: impl BufRead) -> Result<Vec<Observed>, ObservedError> {
     let mut updates = Vec::new();
-    for (number, line) in from.lines().enumerate() {
-        let line = line?;
-        if line.trim().is_empty() {
+    let mut line = Vec::new();
+    for number in 1.. {
+        line.clear();
+        let read = from.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)?;
+        if read == 0 {
+            break;
+        }
+        if read as u64 == LONGEST_LINE && !line.ends_with(b"\n") {
+            return Err(ObservedError::LongLine(number));
+        }
+        let invalid = |key: String, message: String| ObservedError::Invalid { line: number, key, message };
+        let text = text(&line).map_err(|e| invalid(".".into(), e.to_string()))?;
+        if text.trim().is_empty() {
             continue;
         }
-        let mut json = serde_json::Deserializer::from_str(&line);
-        let update: UpdateLine = serde_path_to_error::deserialize(&mut json).map_err(|e| ObservedError::Invalid {
-            line: number + 1,
-            key: e.path().to_string(),
-            message: e.into_inner().to_string(),
-        })?;
+        let mut json = serde_json::Deserializer::from_str(text);
+        let update: UpdateLine = serde_path_to_error::deserialize(&mut json)
+            .map_err(|e| invalid(e.path().to_string(), e.into_inner().to_string()))?;
+        if update.tracks.len() > MOST_TRACKS {
+            let count = update.tracks.len();
+            return Err(invalid("tracks".into(), format!("{count} tracks, expected at most {MOST_TRACKS}")));
+        }
         if update.state == MapState::Learning {
             continue;
         }
@@ -194,6 +215,18 @@ mod tests {
                 Observed { frame: None, estimates: Vec::new(), times: None }
             ]
         );
+    }
+
+    #[test]
+    fn too_many_tracks_are_refused_and_a_byte_order_mark_is_taken() {
+        let track = r#"{"id": 1, "state": "confirmed", "x_m": 0.5, "y_m": 1, "covariance_m2": [[0.01, 0], [0, 0.04]]}"#;
+        let update =
+            |count: usize| format!("\u{feff}{{\"frame\": 1, \"tracks\": [{}]}}\n", vec![track; count].join(","));
+        assert_eq!(read_updates(update(1024).as_bytes()).unwrap()[0].estimates.len(), 1024);
+        let message = read_updates(update(100_000).as_bytes()).unwrap_err().to_string();
+        assert_eq!(message, "line 1: tracks: 100000 tracks, expected at most 1024");
+        let endless = std::io::BufReader::new(std::io::repeat(b' '));
+        assert_eq!(read_updates(endless).unwrap_err().to_string(), "line 1 is longer than 64 MB, expected an update");
     }
 
     #[test]

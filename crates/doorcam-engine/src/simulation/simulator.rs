@@ -18,7 +18,7 @@ use doorcam_core::transport::{PatchGrid, PixelLayout};
 use doorcam_source::recording::{Layout, Manifest};
 use doorcam_source::sensor::{LumaMatrix, SensorFormat, SensorPixels};
 use doorcam_source::truth::{Target, TrueFrame};
-use doorcam_source::{Purpose, RawFrame, RawImages, SkippedFrame};
+use doorcam_source::{Purpose, RawFrame, RawImages, SkipKind, SkippedFrame};
 
 /// With fewer marks than this in the picture, a calibration cannot be checked.
 const LEAST_MARKS: usize = 6;
@@ -91,7 +91,7 @@ impl Simulator {
     pub fn frame(&self, number: u64) -> Result<RawFrame, SkippedFrame> {
         let index = number % self.scenario.frames();
         let name: Arc<str> = format!("frame {index}").into();
-        let images = self.images(number).map_err(|reason| SkippedFrame { name: name.to_string(), reason })?;
+        let images = self.images(number).map_err(|reason| SkippedFrame::new(&*name, SkipKind::Damaged, reason))?;
         let purpose = if index < self.scenario.background_frames() { Purpose::Background } else { Purpose::Watch };
         let seconds = number as f64 / self.scenario.fps;
         Ok(RawFrame { index: Some(index), purpose, seconds, images, time: None, name })

@@ -209,7 +209,7 @@ mod tests {
     use std::sync::{Arc, Mutex};
 
     use super::*;
-    use crate::{ManualClock, Purpose, RawFrame, RawImages, SkippedFrame};
+    use crate::{ManualClock, Purpose, RawFrame, RawImages, SkipKind, SkippedFrame};
 
     /// What a simulated camera does from a given time on.
     #[derive(Debug, Clone, Copy, PartialEq)]
@@ -293,7 +293,7 @@ mod tests {
 
         fn next(&mut self, wait: Duration) -> Result<Option<Capture>, Fault> {
             let frame = |frame| Ok(Some(Capture { frame, lost: 0, superseded: 0 }));
-            let skipped = || SkippedFrame { name: "/dev/video0".into(), reason: "damaged".into() };
+            let skipped = || SkippedFrame::new("/dev/video0", SkipKind::Damaged, "damaged");
             match self.0.doing() {
                 Doing::Frames => {
                     self.0.clock.advance(Duration::from_millis(100));

@@ -8,7 +8,7 @@ use super::encoding::{EncodedFrame, encode};
 use super::files::{Lines, sync, sync_below, write_whole};
 use super::{End, RecordError, RecordingLimits};
 use crate::recording::Manifest;
-use crate::{RawFrame, RawImages, SkippedFrame};
+use crate::{RawFrame, RawImages, SkipKind, SkippedFrame};
 
 /// What to record.
 #[derive(Debug, Clone, PartialEq)]
@@ -183,14 +183,14 @@ impl RecordingWriter {
     }
 
     fn fitting<'a>(&self, frame: &'a RawFrame) -> Result<EncodedFrame<'a>, SkippedFrame> {
-        let skipped = |reason: String| SkippedFrame { name: frame.name.to_string(), reason };
+        let unfit = |reason: String| SkippedFrame::new(&*frame.name, SkipKind::Unfit, reason);
         if let (RawImages::Sensor(format, _), Some([width, height])) = (&frame.images, self.plan.manifest.size)
             && [format.width, format.height] != [width, height]
         {
             let [w, h] = [format.width, format.height];
-            return Err(skipped(format!("has {w} x {h} pixels, the recording {width} x {height}")));
+            return Err(unfit(format!("has {w} x {h} pixels, the recording {width} x {height}")));
         }
-        encode(frame).map_err(|e| skipped(e.to_string()))
+        encode(frame).map_err(|e| SkippedFrame::undecoded(&*frame.name, &e))
     }
 
     /// A frame's time in the recording: a camera's counts from its first frame, a recording's is kept. Where it would
