@@ -48,6 +48,9 @@ pub(super) struct Arguments {
     model: ModelOptions,
 }
 
+/// How long jobs of requests that are still running get to finish at the end.
+const LAST_JOBS: Duration = Duration::from_millis(300);
+
 /// A source and what processes its frames.
 struct Watch {
     feed: Feed,
@@ -303,7 +306,8 @@ fn serve(
         let _ = publishing.await;
         anyhow::Ok(())
     });
-    // A request whose work still runs must not hold up the end.
-    runtime.shutdown_timeout(Duration::from_millis(500));
+    // What requests have begun may finish, such as a file that is being written. But nobody waits for its answer any
+    // more, so it must not keep the program from ending.
+    runtime.shutdown_timeout(LAST_JOBS);
     served
 }

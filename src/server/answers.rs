@@ -59,4 +59,6 @@ problems! {
     NoSocket
     /// An internal error of doorcam
     Failed
+    /// Too much is asked for at the same time; Retry-After says when to try again
+    Busy
 }

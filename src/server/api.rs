@@ -11,7 +11,8 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::Shared;
-use super::answers::{Conflicting, Failed, NotReady, NotYet, PICTURES, Picture, ROOM, SETUP, STATE, UNCHANGED};
+use super::answers::{Busy, Conflicting, Failed, NotReady, NotYet, PICTURES, Picture, ROOM, SETUP, STATE, UNCHANGED};
+use super::jobs::Kind;
 use super::problem::ProblemDetails;
 use super::tag::{self, Tag};
 use crate::config::Config;
@@ -123,7 +124,7 @@ pub(super) async fn reconstruction(State(shared): State<Shared>) -> Response {
     responses(
         (status = 200, description = "A PNG", body = Picture, content_type = "image/png"),
         (status = 304, description = UNCHANGED),
-        (status = 404, response = NotYet), (status = 500, response = Failed),
+        (status = 404, response = NotYet), (status = 500, response = Failed), (status = 503, response = Busy),
     )
 )]
 pub(super) async fn reconstruction_png(State(shared): State<Shared>, asked: HeaderMap) -> Response {
@@ -140,7 +141,7 @@ pub(super) async fn reconstruction_png(State(shared): State<Shared>, asked: Head
     responses(
         (status = 200, description = "A PNG", body = Picture, content_type = "image/png"),
         (status = 304, description = UNCHANGED),
-        (status = 404, response = NotYet), (status = 500, response = Failed),
+        (status = 404, response = NotYet), (status = 500, response = Failed), (status = 503, response = Busy),
     )
 )]
 pub(super) async fn difference_png(State(shared): State<Shared>, asked: HeaderMap) -> Response {
@@ -153,7 +154,7 @@ pub(super) async fn difference_png(State(shared): State<Shared>, asked: HeaderMa
     responses(
         (status = 200, description = "A PNG", body = Picture, content_type = "image/png"),
         (status = 304, description = UNCHANGED),
-        (status = 404, response = NotYet), (status = 500, response = Failed),
+        (status = 404, response = NotYet), (status = 500, response = Failed), (status = 503, response = Busy),
     )
 )]
 pub(super) async fn patches_png(State(shared): State<Shared>, asked: HeaderMap) -> Response {
@@ -171,9 +172,9 @@ async fn picture(
     let tag = Tag::numbered(shared.run, latest.update.sequence);
     let drawn = match tag.is_known(asked) {
         true => Some(Ok(Bytes::new())),
-        false => match tokio::task::spawn_blocking(move || draw(&shared, &latest)).await {
+        false => match Arc::clone(&shared.jobs).run(Kind::Drawing, move || draw(&shared, &latest)).await {
             Ok(drawn) => drawn,
-            Err(_) => return ProblemDetails::internal("drawing the picture failed").into_response(),
+            Err(problem) => return problem.into_response(),
         },
     };
     match drawn {

@@ -1,5 +1,7 @@
 //! The calibration over REST: reading the one in use, checking another, and replacing it.
 
+use std::sync::Arc;
+
 use axum::Json;
 use axum::body::Bytes;
 use axum::extract::State;
@@ -8,7 +10,10 @@ use axum::http::HeaderMap;
 use axum::response::{IntoResponse, Response};
 
 use super::Shared;
-use super::answers::{Conflicting, Failed, IF_MATCH, Malformed, SETUP, Stale, TooLarge, UNCHANGED, Unfit, Unknown};
+use super::answers::{
+    Busy, Conflicting, Failed, IF_MATCH, Malformed, SETUP, Stale, TooLarge, UNCHANGED, Unfit, Unknown,
+};
+use super::jobs::Kind;
 use super::problem::ProblemDetails;
 use super::tag;
 use crate::watch::{CalibrationRefused, CalibrationReport, Calibrator, Precondition};
@@ -19,11 +24,11 @@ use doorcam_core::calibration::{Calibration, Check};
     get, path = "/calibration", tag = SETUP,
     responses(
         (status = 200, description = "The calibration", body = CalibrationReport),
-        (status = 304, description = UNCHANGED), (status = 500, response = Failed),
+        (status = 304, description = UNCHANGED), (status = 500, response = Failed), (status = 503, response = Busy),
     )
 )]
 pub(super) async fn get(State(shared): State<Shared>, asked: HeaderMap) -> Response {
-    blocking(shared, move |calibrator| tag::json(&asked, &calibrator.report())).await
+    blocking(shared, Kind::Reading, move |calibrator| tag::json(&asked, &calibrator.report())).await
 }
 
 /// Checks how good a calibration would be, without using it.
@@ -32,14 +37,15 @@ pub(super) async fn get(State(shared): State<Shared>, asked: HeaderMap) -> Respo
     responses(
         (status = 200, description = "How good it would be; `ok` says whether it can be used", body = Check),
         (status = 400, response = Malformed), (status = 413, response = TooLarge), (status = 500, response = Failed),
+        (status = 503, response = Busy),
     )
 )]
 pub(super) async fn check(State(shared): State<Shared>, body: Result<Bytes, BytesRejection>) -> Response {
-    let calibration: Calibration = match ProblemDetails::body(body) {
-        Ok(calibration) => calibration,
-        Err(problem) => return problem.into_response(),
-    };
-    blocking(shared, move |calibrator| Json(calibrator.check(&calibration)).into_response()).await
+    blocking(shared, Kind::Calibrating, move |calibrator| match ProblemDetails::body::<Calibration>(body) {
+        Ok(calibration) => Json(calibrator.check(&calibration)).into_response(),
+        Err(problem) => problem.into_response(),
+    })
+    .await
 }
 
 /// Replaces the calibration from the next frame on, and keeps the previous one.
@@ -50,6 +56,7 @@ pub(super) async fn check(State(shared): State<Shared>, body: Result<Bytes, Byte
         (status = 200, description = "It is used from the next frame on", body = CalibrationReport),
         (status = 400, response = Malformed), (status = 409, response = Conflicting), (status = 412, response = Stale),
         (status = 413, response = TooLarge), (status = 422, response = Unfit), (status = 500, response = Failed),
+        (status = 503, response = Busy),
     )
 )]
 pub(super) async fn put(
@@ -57,12 +64,15 @@ pub(super) async fn put(
     asked: HeaderMap,
     body: Result<Bytes, BytesRejection>,
 ) -> Response {
-    let calibration: Calibration = match ProblemDetails::body(body) {
-        Ok(calibration) => calibration,
-        Err(problem) => return problem.into_response(),
-    };
-    let replaced = shared.calibrator.replace(calibration, only_if(&asked)).await;
-    changed(shared, replaced).await
+    // Parsing a long calibration takes too long for an async worker.
+    let parsed = shared.jobs.run(Kind::Calibrating, || ProblemDetails::body::<Calibration>(body)).await;
+    match parsed.flatten() {
+        Ok(calibration) => {
+            let replaced = shared.calibrator.replace(calibration, only_if(&asked)).await;
+            changed(shared, replaced).await
+        }
+        Err(problem) => problem.into_response(),
+    }
 }
 
 /// Goes back to the previous calibration, from the next frame on.
@@ -72,7 +82,7 @@ pub(super) async fn put(
     responses(
         (status = 200, description = "It is used from the next frame on", body = CalibrationReport),
         (status = 404, response = Unknown), (status = 409, response = Conflicting), (status = 412, response = Stale),
-        (status = 422, response = Unfit), (status = 500, response = Failed),
+        (status = 422, response = Unfit), (status = 500, response = Failed), (status = 503, response = Busy),
     )
 )]
 pub(super) async fn previous(State(shared): State<Shared>, asked: HeaderMap) -> Response {
@@ -88,7 +98,7 @@ fn only_if(asked: &HeaderMap) -> Precondition {
 
 async fn changed(shared: Shared, result: Result<(), CalibrationRefused>) -> Response {
     let Err(e) = result else {
-        return blocking(shared, |calibrator| tag::json(&HeaderMap::new(), &calibrator.report())).await;
+        return blocking(shared, Kind::Reading, |calibrator| tag::json(&HeaderMap::new(), &calibrator.report())).await;
     };
     let problem = match &e {
         CalibrationRefused::Fixed(_) | CalibrationRefused::Ended | CalibrationRefused::Superseded => {
@@ -102,10 +112,9 @@ async fn changed(shared: Shared, result: Result<(), CalibrationRefused>) -> Resp
     problem(&e.to_string()).into_response()
 }
 
-/// Runs `work` on a blocking thread: fitting a camera takes too long for an async one.
-async fn blocking(shared: Shared, work: impl FnOnce(&Calibrator) -> Response + Send + 'static) -> Response {
-    match tokio::task::spawn_blocking(move || work(&shared.calibrator)).await {
-        Ok(response) => response,
-        Err(_) => ProblemDetails::internal("the calibration failed on an internal error").into_response(),
-    }
+/// Runs `work` as a job: parsing a long calibration, fitting and building a model take too long for an async worker.
+async fn blocking(shared: Shared, kind: Kind, work: impl FnOnce(&Calibrator) -> Response + Send + 'static) -> Response {
+    let jobs = Arc::clone(&shared.jobs);
+    let done = jobs.run(kind, move || work(&shared.calibrator)).await;
+    done.unwrap_or_else(IntoResponse::into_response)
 }

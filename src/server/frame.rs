@@ -6,7 +6,8 @@ use axum::http::{HeaderMap, HeaderName, header};
 use axum::response::{IntoResponse, Response};
 
 use super::Shared;
-use super::answers::{Failed, NotYet, PICTURES, Picture, UNCHANGED};
+use super::answers::{Busy, Failed, NotYet, PICTURES, Picture, UNCHANGED};
+use super::jobs::Kind;
 use super::problem::ProblemDetails;
 use super::tag::Tag;
 use crate::watch::CapturedImages;
@@ -34,6 +35,7 @@ const CAPTURED: HeaderName = HeaderName::from_static("x-captured");
             headers(("x-captured" = String, description = "When it was captured, RFC 3339")),
         ),
         (status = 304, description = UNCHANGED), (status = 404, response = NotYet), (status = 500, response = Failed),
+        (status = 503, response = Busy),
     )
 )]
 pub(super) async fn frame(State(shared): State<Shared>, asked: HeaderMap) -> Response {
@@ -64,12 +66,12 @@ pub(super) async fn picture(shared: &Shared, seen: &CapturedImages) -> Result<(&
             Ok((kind, Bytes::from_owner(File(Arc::clone(bytes)))))
         }
         RawImages::Sensor(..) => {
-            let (cache, seen) = (Arc::clone(&shared.encoded), seen.clone());
-            match tokio::task::spawn_blocking(move || encoded(&cache, &seen)).await {
-                Ok(Ok(bytes)) => Ok(("image/jpeg", bytes)),
-                Ok(Err(e)) => Err(ProblemDetails::internal(&e.to_string())),
-                Err(_) => Err(ProblemDetails::internal("encoding the picture failed")),
+            if let Some(bytes) = known(&shared.encoded, seen.number) {
+                return Ok(("image/jpeg", bytes));
             }
+            let (cache, seen) = (Arc::clone(&shared.encoded), seen.clone());
+            let bytes = shared.jobs.run(Kind::Drawing, move || encoded(&cache, &seen)).await?;
+            bytes.map(|bytes| ("image/jpeg", bytes)).map_err(|e| ProblemDetails::internal(&e.to_string()))
         }
     }
 }
@@ -81,6 +83,12 @@ impl AsRef<[u8]> for File {
     fn as_ref(&self) -> &[u8] {
         &self.0
     }
+}
+
+/// The picture of a frame, if it is encoded already. Never waits for the one who is encoding it.
+fn known(cache: &Encoded, number: u64) -> Option<Bytes> {
+    let cache = cache.try_lock().ok()?;
+    cache.as_ref().filter(|(of, _)| *of == number).map(|(_, bytes)| bytes.clone())
 }
 
 fn encoded(cache: &Encoded, seen: &CapturedImages) -> Result<Bytes, ImageError> {

@@ -8,6 +8,7 @@ mod calibration;
 mod connections;
 mod frame;
 mod history;
+mod jobs;
 mod live;
 mod openapi;
 mod people;
@@ -43,6 +44,7 @@ use utoipa_axum::routes;
 
 pub use self::access::{Access, AccessError};
 pub use self::connections::{Tls, TlsError};
+use self::jobs::Jobs;
 pub use self::openapi::{live_schema_json, openapi_json};
 use self::pictures::Pictures;
 use self::problem::ProblemDetails;
@@ -103,6 +105,7 @@ struct Shared {
     encoded: Arc<frame::Encoded>,
     uncertain: Arc<uncertainty::Mapped>,
     clients: Arc<AtomicUsize>,
+    jobs: Arc<Jobs>,
     access: Arc<Access>,
     /// Differs from run to run, so that an ETag made from a counter never matches one of an earlier run.
     run: u64,
@@ -180,12 +183,17 @@ impl Server {
             encoded: Arc::default(),
             uncertain: Arc::default(),
             clients: Arc::default(),
+            jobs: Arc::default(),
             access: Arc::clone(&self.access),
             run: SystemTime::UNIX_EPOCH.elapsed().map_or(0, |since| since.as_micros() as u64),
             ending: ending.clone(),
         };
+        // A task of its own: `end` also reloads the configuration, and connections must not wait for that.
+        let router = routes(shared, self.access);
+        let serving = tokio::spawn(connections::serve(self.listener, router, self.config, self.tls, ending));
         tokio::select! {
-            () = connections::serve(self.listener, routes(shared, self.access), &self.config, self.tls, ending) => {}
+            // An error is a panic, which was reported when it happened.
+            _ = serving => {}
             () = end => {}
         }
         tell.send_replace(true);

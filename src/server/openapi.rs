@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 use utoipa::OpenApi;
 
 use super::answers::{
-    Conflicting, Failed, Malformed, NoSocket, NotReady, NotYet, PEOPLE, PICTURES, ROOM, SETUP, STATE, TooLarge,
+    Busy, Conflicting, Failed, Malformed, NoSocket, NotReady, NotYet, PEOPLE, PICTURES, ROOM, SETUP, STATE, TooLarge,
     TooMany, UNCHANGED, Unfit, Unknown, WrongToken,
 };
 use super::described;
@@ -37,7 +37,8 @@ use super::tag::Tag;
     components(
         schemas(super::live::LiveMessage, ProblemDetails),
         responses(
-            NotYet, NotReady, Unknown, Malformed, TooLarge, Unfit, Conflicting, WrongToken, TooMany, NoSocket, Failed
+            NotYet, NotReady, Unknown, Malformed, TooLarge, Unfit, Conflicting, WrongToken, TooMany, NoSocket, Failed,
+            Busy
         ),
     ),
 )]

@@ -1,6 +1,6 @@
 use axum::body::Bytes;
 use axum::extract::rejection::BytesRejection;
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use doorcam_source::files;
 use serde::Serialize;
@@ -19,15 +19,23 @@ pub(super) struct ProblemDetails {
     status: u16,
     /// What is wrong, in one line.
     detail: String,
+    /// Seconds after which to try again, as the header `Retry-After`.
+    #[serde(skip)]
+    retry_after_s: Option<u64>,
 }
+
+/// When to try again what was too much at the moment, in seconds.
+const BUSY_S: u64 = 2;
 
 impl ProblemDetails {
     pub(super) fn new(status: StatusCode, detail: &str) -> Self {
-        Self {
-            title: status.canonical_reason().unwrap_or("Error"),
-            status: status.as_u16(),
-            detail: one_line(detail).into(),
-        }
+        let title = status.canonical_reason().unwrap_or("Error");
+        Self { title, status: status.as_u16(), detail: one_line(detail).into(), retry_after_s: None }
+    }
+
+    /// Tells the client to try again after this many seconds.
+    pub(super) fn retry_after(self, seconds: u64) -> Self {
+        Self { retry_after_s: Some(seconds), ..self }
     }
 
     /// Parses the JSON body of a request. The problem names the key and what was expected.
@@ -78,6 +86,11 @@ impl ProblemDetails {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, detail)
     }
 
+    /// More is asked for at the same time than doorcam takes on: `what` says of what.
+    pub(super) fn busy(what: &str) -> Self {
+        Self::unavailable(&format!("{what}, try again in {BUSY_S} s")).retry_after(BUSY_S)
+    }
+
     pub(super) fn internal(detail: &str) -> Self {
         Self::new(StatusCode::INTERNAL_SERVER_ERROR, detail)
     }
@@ -93,6 +106,10 @@ impl IntoResponse for ProblemDetails {
     fn into_response(self) -> Response {
         let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
         let body = serde_json::to_string(&self).unwrap_or_default();
-        (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response()
+        let mut response = (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response();
+        if let Some(seconds) = self.retry_after_s {
+            response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+        }
+        response
     }
 }

@@ -1,5 +1,7 @@
 //! Recordings over REST: state, start and end.
 
+use std::sync::Arc;
+
 use axum::Json;
 use axum::body::Bytes;
 use axum::extract::State;
@@ -8,7 +10,8 @@ use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 
 use super::Shared;
-use super::answers::{Conflicting, Failed, Malformed, SETUP, TooLarge, Unfit, Unknown};
+use super::answers::{Busy, Conflicting, Failed, Malformed, SETUP, TooLarge, Unfit, Unknown};
+use super::jobs::Kind;
 use super::problem::ProblemDetails;
 use crate::watch::{RecordingRefused, RecordingReport, RecordingWish};
 
@@ -28,6 +31,7 @@ pub(super) async fn get(State(shared): State<Shared>) -> Json<RecordingReport> {
         (status = 201, description = "The recording has started", body = RecordingReport),
         (status = 400, response = Malformed), (status = 409, response = Conflicting),
         (status = 413, response = TooLarge), (status = 422, response = Unfit), (status = 500, response = Failed),
+        (status = 503, response = Busy),
     )
 )]
 pub(super) async fn post(State(shared): State<Shared>, body: Result<Bytes, BytesRejection>) -> Response {
@@ -51,7 +55,7 @@ pub(super) async fn post(State(shared): State<Shared>, body: Result<Bytes, Bytes
     delete, path = "/recording", tag = SETUP,
     responses(
         (status = 200, description = "The recording has ended", body = RecordingReport),
-        (status = 404, response = Unknown), (status = 500, response = Failed),
+        (status = 404, response = Unknown), (status = 500, response = Failed), (status = 503, response = Busy),
     )
 )]
 pub(super) async fn delete(State(shared): State<Shared>) -> Response {
@@ -62,17 +66,17 @@ fn report(shared: &Shared) -> RecordingReport {
     shared.recordings.report(shared.calibrator.calibration().as_ref())
 }
 
-/// Makes a change on a blocking thread, because it may wait for the disk.
+/// Makes a change as a job, because it may wait for the disk.
 async fn changed(
     shared: Shared,
     done: StatusCode,
     change: impl FnOnce(&Shared) -> Result<(), RecordingRefused> + Send + 'static,
 ) -> Response {
-    let changing = tokio::task::spawn_blocking(move || change(&shared).map(|()| report(&shared)));
-    match changing.await {
+    let jobs = Arc::clone(&shared.jobs);
+    match jobs.run(Kind::Writing, move || change(&shared).map(|()| report(&shared))).await {
         Ok(Ok(report)) => (done, Json(report)).into_response(),
         Ok(Err(refused)) => problem(&refused).into_response(),
-        Err(_) => ProblemDetails::internal("the recording failed on an internal error").into_response(),
+        Err(problem) => problem.into_response(),
     }
 }
 

@@ -8,7 +8,8 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::Shared;
-use super::answers::{Failed, NotYet, PEOPLE, UNCHANGED};
+use super::answers::{Busy, Failed, NotYet, PEOPLE, UNCHANGED};
+use super::jobs::Kind;
 use super::problem::ProblemDetails;
 use super::tag::Tag;
 use doorcam_core::bound::{PersonSetup, RoomBound, UncertaintyMap};
@@ -56,11 +57,12 @@ pub(super) type Mapped = Mutex<Option<(Arc<Sensing>, Bytes)>>;
     get, path = "/uncertainty", tag = PEOPLE,
     responses(
         (status = 200, description = "The map", body = Uncertainty), (status = 304, description = UNCHANGED),
-        (status = 404, response = NotYet), (status = 500, response = Failed),
+        (status = 404, response = NotYet), (status = 500, response = Failed), (status = 503, response = Busy),
     )
 )]
 pub(super) async fn uncertainty(State(shared): State<Shared>, asked: HeaderMap) -> Response {
-    let made = tokio::task::spawn_blocking(move || {
+    let jobs = Arc::clone(&shared.jobs);
+    let made = jobs.run(Kind::Drawing, move || {
         let latest = shared.hub.latest()?;
         let watched = shared.hub.watched().filter(|w| w.calibration == latest.update.calibration)?;
         let sensing = latest.sensing.as_ref()?;
@@ -80,7 +82,7 @@ pub(super) async fn uncertainty(State(shared): State<Shared>, asked: HeaderMap) 
             "the camera's noise is not known: the empty room is being learned, or the model is the published one",
         )
         .into_response(),
-        Err(_) => ProblemDetails::internal("working out the map failed").into_response(),
+        Err(problem) => problem.into_response(),
     }
 }
 

@@ -7,7 +7,8 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use utoipa::ToSchema;
 
-use super::answers::{Failed, Malformed, PEOPLE, TooLarge, Unfit};
+use super::answers::{Busy, Failed, Malformed, PEOPLE, TooLarge, Unfit};
+use super::jobs::Kind;
 use super::people::Zones;
 use super::problem::ProblemDetails;
 use super::{Shared, people};
@@ -28,7 +29,7 @@ pub(super) struct Drawn {
     responses(
         (status = 200, description = "The zones", body = Zones),
         (status = 400, response = Malformed), (status = 413, response = TooLarge),
-        (status = 422, response = Unfit), (status = 500, response = Failed),
+        (status = 422, response = Unfit), (status = 500, response = Failed), (status = 503, response = Busy),
     )
 )]
 pub(super) async fn put(State(shared): State<Shared>, body: Result<Bytes, BytesRejection>) -> Response {
@@ -41,7 +42,10 @@ pub(super) async fn put(State(shared): State<Shared>, body: Result<Bytes, BytesR
 /// Goes back to the configured zones.
 #[utoipa::path(
     delete, path = "/zones", tag = PEOPLE,
-    responses((status = 200, description = "The zones", body = Zones), (status = 500, response = Failed))
+    responses(
+        (status = 200, description = "The zones", body = Zones), (status = 500, response = Failed),
+        (status = 503, response = Busy),
+    )
 )]
 pub(super) async fn delete(State(shared): State<Shared>) -> Response {
     changed(shared, ZoneKeeper::forget).await
@@ -53,10 +57,10 @@ async fn changed(
     change: impl FnOnce(&ZoneKeeper) -> Result<(), ZonesRefused> + Send + 'static,
 ) -> Response {
     let keeper = shared.zones.clone();
-    match tokio::task::spawn_blocking(move || change(&keeper)).await {
+    match shared.jobs.run(Kind::Writing, move || change(&keeper)).await {
         Ok(Ok(())) => people::zones(State(shared)).await,
         Ok(Err(e @ ZonesRefused::Unfit(_))) => ProblemDetails::unprocessable(&e.to_string()).into_response(),
         Ok(Err(e)) => ProblemDetails::internal(&e.to_string()).into_response(),
-        Err(_) => ProblemDetails::internal("the zones failed on an internal error").into_response(),
+        Err(problem) => problem.into_response(),
     }
 }

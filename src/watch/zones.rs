@@ -44,13 +44,15 @@ pub struct ZoneKeeper {
     file: Option<PathBuf>,
     hub: Arc<Hub>,
     control: Control,
+    /// Held while files are written, so that the last change is the one that is kept.
+    changing: Mutex<ZoneIds>,
+    /// Held only for moments, because requests read it on threads that must not wait for a disk.
     state: Mutex<State>,
 }
 
 struct State {
     configured: Vec<Zone>,
     origin: ZoneOrigin,
-    ids: ZoneIds,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -69,7 +71,7 @@ impl ZoneKeeper {
         hub: Arc<Hub>,
         control: Control,
     ) -> Self {
-        Self { file, hub, control, state: Mutex::new(State { configured, origin, ids }) }
+        Self { file, hub, control, changing: Mutex::new(ids), state: Mutex::new(State { configured, origin }) }
     }
 
     /// The zones saved in a file, or `None` if it does not exist.
@@ -95,11 +97,12 @@ impl ZoneKeeper {
 
     /// Takes over the zones of a reloaded configuration. Drawn zones stay in use.
     pub fn reconfigure(&self, zones: &[Zone]) {
-        let mut state = self.state();
-        let zones = state.ids.identified(zones);
-        if let Err(e) = state.ids.save() {
+        let mut ids = lock(&self.changing);
+        let zones = ids.identified(zones);
+        if let Err(e) = ids.save() {
             tracing::warn!("{e}: ids of zones are kept for this run only");
         }
+        let mut state = self.state();
         state.configured.clone_from(&zones);
         if state.origin == ZoneOrigin::Config {
             self.go_on_with(zones);
@@ -113,12 +116,12 @@ impl ZoneKeeper {
     /// If they are not valid or cannot be saved.
     pub fn replace(&self, zones: Vec<Zone>) -> Result<(), ZonesRefused> {
         check_zones(&zones)?;
-        let mut state = self.state();
-        let mut ids = state.ids.clone();
+        let mut changing = lock(&self.changing);
+        let mut ids = changing.clone();
         let zones = ids.drawn(zones, &self.hub.zones())?;
         // Before the zones: an id that is in use must never be forgotten.
         ids.save()?;
-        state.ids = ids;
+        *changing = ids;
         let next = match &self.file {
             Some(file) => {
                 let mut text = serde_json::to_vec_pretty(&Kept { zones: zones.clone() }).unwrap_or_default();
@@ -129,7 +132,7 @@ impl ZoneKeeper {
             None => ZoneOrigin::Run,
         };
         self.go_on_with(zones);
-        state.origin = next;
+        self.state().origin = next;
         Ok(())
     }
 
@@ -138,7 +141,7 @@ impl ZoneKeeper {
     /// # Errors
     /// If the file cannot be removed.
     pub fn forget(&self) -> Result<(), ZonesRefused> {
-        let mut state = self.state();
+        let _changing = lock(&self.changing);
         if let Some(file) = &self.file {
             match std::fs::remove_file(file) {
                 Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
@@ -147,13 +150,14 @@ impl ZoneKeeper {
                 _ => {}
             }
         }
+        let mut state = self.state();
         self.go_on_with(state.configured.clone());
         state.origin = ZoneOrigin::Config;
         Ok(())
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.state)
     }
 
     /// Readers see the new zones at once, tracks with the next frame. Without further frames nobody is in a zone
@@ -166,4 +170,8 @@ impl ZoneKeeper {
     fn failed(&self, reason: &str) -> ZonesRefused {
         ZonesRefused::Store { file: self.file.clone().unwrap_or_default(), reason: reason.into() }
     }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

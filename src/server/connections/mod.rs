@@ -47,18 +47,18 @@ const OUT_OF_SOCKETS: Duration = Duration::from_millis(500);
 pub(super) async fn serve(
     listener: TcpListener,
     router: Router,
-    config: &ServerConfig,
+    config: ServerConfig,
     tls: Option<Arc<Tls>>,
     ending: watch::Receiver<bool>,
 ) {
     let following = async {
         match &tls {
-            Some(tls) => tls.follow().await,
+            Some(tls) => Arc::clone(tls).follow().await,
             None => std::future::pending().await,
         }
     };
     tokio::select! {
-        () = accept(listener, router, config, &tls, ending) => {}
+        () = accept(listener, router, &config, &tls, ending) => {}
         () = following => {}
     }
 }

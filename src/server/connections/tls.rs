@@ -60,7 +60,7 @@ impl Tls {
     }
 
     /// Watches the files for a new certificate; never returns. One that cannot be used is logged and not used.
-    pub(super) async fn follow(&self) {
+    pub(super) async fn follow(self: Arc<Self>) {
         let (mut used, mut seen) = (self.read, self.read);
         describe_gauge!(
             "doorcam_tls_certificate_expiry_seconds",
@@ -69,10 +69,20 @@ impl Tls {
         loop {
             self.say_standing();
             tokio::time::sleep(LOOK).await;
-            let now = stamp(&self.files);
-            if now != used && now == seen {
+            let tls = Arc::clone(&self);
+            // The disk may hang, and nobody else may wait for it.
+            let look = move || {
+                let now = stamp(&tls.files);
+                let renew = now != used && now == seen;
+                if renew {
+                    tls.renew();
+                }
+                (now, renew)
+            };
+            // An error is a panic, which is in the log.
+            let Ok((now, renewed)) = tokio::task::spawn_blocking(look).await else { continue };
+            if renewed {
                 used = now;
-                self.renew();
             }
             seen = now;
         }
