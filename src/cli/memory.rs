@@ -17,6 +17,9 @@ const SETTINGS: [(&str, &str); 2] = [
 /// that needs 60 MB holds twice that after some minutes. Also, nearly every thread gets a heap of its own, which keeps
 /// the most that it ever needed. Both can be set only by the environment at the start of the process, or by a function
 /// that only unsafe code can call.
+///
+/// Freed memory is not asked back after a burst of requests (`malloc_trim`, unsafe as well): bodies are read into one
+/// block each, so that long ones are mapped by themselves, and the little that is left is reused by the next burst.
 pub(super) fn hand_back() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {

@@ -22,6 +22,7 @@ use axum::http::HeaderValue;
 use axum::{Router, middleware};
 
 use self::attempts::Attempts;
+use self::bodies::Budget;
 use self::hosts::Hosts;
 pub(super) use self::peer::Peer;
 pub(super) use self::senders::network;
@@ -176,7 +177,7 @@ impl Access {
 /// Puts the rules around every route; the last layer is asked first.
 pub(super) fn layers(router: Router, access: Arc<Access>) -> Router {
     let state = || Arc::clone(&access);
-    let mut router = router.layer(middleware::from_fn(bodies::limit));
+    let mut router = router.layer(middleware::from_fn_with_state(Arc::<Budget>::default(), bodies::limit));
     if !access.images {
         router = router.layer(middleware::from_fn(images::withhold));
     }

@@ -1,9 +1,11 @@
 //! Clients that are slow, send too much or are too many are turned away, and others are served meanwhile.
 
 use std::io::{Read, Write};
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use super::client::{Guarded, answer, connect, exchange};
+use super::client::{Answer, Guarded, answer, connect, exchange, resident_kb};
 
 #[test]
 fn who_sends_slowly_or_nothing_is_cut_off_and_others_are_served_meanwhile() {
@@ -56,6 +58,108 @@ fn a_body_that_does_not_come_is_given_up() {
     let refused = answer(&mut stream).expect("an answer");
     assert_eq!(refused.status, 408);
     refused.problem();
+}
+
+#[test]
+fn a_body_that_is_cut_off_is_malformed_and_not_too_large() {
+    let doorcam = Guarded::start(&[]);
+    let head = "POST /api/v1/calibration/check HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n";
+    for rest in [
+        "Content-Length: 100\r\n\r\n{",
+        "Transfer-Encoding: chunked\r\n\r\n5\r\n{\"a\"",
+        "Transfer-Encoding: chunked\r\n\r\nfive\r\n{\"a\":\r\n0\r\n\r\n",
+    ] {
+        let mut stream = connect(doorcam.address());
+        stream.write_all(format!("{head}{rest}").as_bytes()).unwrap();
+        stream.shutdown(std::net::Shutdown::Write).unwrap();
+        let refused = answer(&mut stream).expect("an answer");
+        assert_eq!(refused.status, 400, "{rest}");
+        assert!(refused.problem()["detail"].as_str().unwrap().contains("cut off"), "{refused:?}");
+    }
+}
+
+/// Sends two megabytes of spaces, with their length in front or in one chunk.
+fn send_spaces(address: SocketAddr, method: &str, path: &str, body: &str, chunked: bool) -> Answer {
+    let (length, end) = match chunked {
+        false => (format!("Content-Length: {}\r\n\r\n", body.len()), ""),
+        true => (format!("Transfer-Encoding: chunked\r\n\r\n{:x}\r\n", body.len()), "\r\n0\r\n\r\n"),
+    };
+    let mut stream = connect(address);
+    let head = format!("{method} {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{length}");
+    for part in [&head, body, end] {
+        // After an early refusal the connection may already be closed, but the answer is still there.
+        let _ = stream.write_all(part.as_bytes());
+    }
+    answer(&mut stream).expect("an answer")
+}
+
+#[test]
+fn many_large_bodies_are_answered_and_leave_no_memory_behind() {
+    let doorcam = Guarded::start(&[]);
+    let (address, id) = (doorcam.address(), doorcam.daemon.id());
+    let routes = [
+        ("PUT", "/api/v1/zones"),
+        ("PUT", "/api/v1/calibration"),
+        ("POST", "/api/v1/calibration/check"),
+        ("POST", "/api/v1/session"),
+    ];
+    let body = " ".repeat(2 * 1024 * 1024);
+    for (method, path) in routes {
+        send_spaces(address, method, path, &body, false);
+    }
+    let before_kb = resident_kb(id);
+    let (most_kb, over) = (AtomicU64::new(0), AtomicBool::new(false));
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !over.load(Ordering::Relaxed) {
+                most_kb.fetch_max(resident_kb(id), Ordering::Relaxed);
+                assert!(is_served(&doorcam));
+            }
+        });
+        let clients: Vec<_> = (0..120)
+            .map(|k| {
+                let (body, (method, path)) = (&body, routes[k % 4]);
+                scope.spawn(move || {
+                    let answer = send_spaces(address, method, path, body, k % 8 < 4);
+                    // Nothing but spaces, or too many at the same time; or too long for the route.
+                    let expected: &[u16] = if path.contains("calibration") { &[400, 503] } else { &[413] };
+                    assert!(expected.contains(&answer.status), "{path}: {answer:?}");
+                    assert_eq!(answer.header("retry-after").is_some(), answer.status == 503, "{answer:?}");
+                    answer.problem();
+                })
+            })
+            .collect();
+        clients.into_iter().for_each(|client| client.join().unwrap());
+        over.store(true, Ordering::Relaxed);
+    });
+    // 16 MB of bodies, and as much again for buffers and threads; with every body in memory it would be 240 MB.
+    let most_kb = most_kb.into_inner();
+    assert!(most_kb < before_kb + 40 * 1024, "{before_kb} kB before, {most_kb} kB at most");
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while resident_kb(id) > before_kb + 10 * 1024 {
+        assert!(Instant::now() < deadline, "{before_kb} kB before, {} kB after", resident_kb(id));
+        std::thread::sleep(Duration::from_millis(200));
+    }
+}
+
+#[test]
+fn a_client_that_asks_first_is_refused_before_it_sends() {
+    let doorcam = Guarded::start(&[]);
+    let refused = exchange(
+        doorcam.address(),
+        "PUT /api/v1/zones HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nExpect: 100-continue\r\n\
+         Content-Length: 2097152\r\n\r\n",
+    );
+    assert_eq!(refused.status, 413);
+    let mut stream = connect(doorcam.address());
+    let head = "PUT /api/v1/zones HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nExpect: 100-continue\r\n\
+                Content-Length: 12\r\n\r\n";
+    stream.write_all(head.as_bytes()).unwrap();
+    let mut word = [0; 25];
+    stream.read_exact(&mut word).unwrap();
+    assert_eq!(&word, b"HTTP/1.1 100 Continue\r\n\r\n");
+    stream.write_all(b"{\"zones\":[]}").unwrap();
+    assert_eq!(answer(&mut stream).expect("an answer").status, 200);
 }
 
 #[test]
