@@ -53,7 +53,7 @@ impl<Again: Fn() -> anyhow::Result<Config>> Reloader<Again> {
         let mut well = true;
         // Tokens are in files of their own, so a changed token does not show in the configuration.
         match self.access.reload(&used.access, |name| std::env::var_os(name)) {
-            Ok(true) => tracing::info!("reloaded: other tokens are in use, and all sessions have ended"),
+            Ok(true) => tracing::info!("reloaded: other tokens are in use; what those replaced had let in has ended"),
             Ok(false) => {}
             Err(e) => {
                 tracing::error!("{e}: the tokens in use stay");

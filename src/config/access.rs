@@ -28,6 +28,9 @@ pub struct AccessConfig {
     pub allowed_hosts: Vec<String>,
     /// Origins whose pages may use the API (CORS).
     pub allowed_origins: Vec<String>,
+    /// Addresses of proxies whose X-Forwarded-For is believed.
+    #[schema(value_type = Vec<String>)]
+    pub trusted_proxies: Vec<IpAddr>,
 }
 
 impl Default for AccessConfig {
@@ -40,6 +43,7 @@ impl Default for AccessConfig {
             images: true,
             allowed_hosts: Vec::new(),
             allowed_origins: Vec::new(),
+            trusted_proxies: Vec::new(),
         }
     }
 }

@@ -1,17 +1,19 @@
+use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use axum::body::Bytes;
-use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
+use axum::extract::{Extension, State};
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 use utoipa::ToSchema;
 
+use super::access::Pass;
 use super::answers::{NoSocket, ROOM};
 use super::problem::ProblemDetails;
 use super::{FAREWELL, Shared};
@@ -21,6 +23,9 @@ use doorcam_engine::Update;
 const SEND_LIMIT: Duration = Duration::from_secs(10);
 /// How often a client is pinged.
 const PING: Duration = Duration::from_secs(15);
+/// Number of pings in a row that a client may leave unanswered: one that has vanished without a word, as when its network
+/// fails, would hold its connection for a quarter of an hour.
+const UNANSWERED: u32 = 4;
 /// Longest message from a client, in bytes: clients need to send nothing but pongs.
 const LONGEST_MESSAGE: usize = 4096;
 
@@ -28,7 +33,8 @@ const LONGEST_MESSAGE: usize = 4096;
 ///
 /// A client that reads slowly misses the updates in between; the next update has an extra key, `missed`, with their
 /// number. The schema of the messages is at `/api/v1/live.schema.json`. The client need send nothing but the pongs that
-/// the protocol demands. When doorcam ends, it closes sockets with code 1001.
+/// the protocol demands; one that answers none for a minute is disconnected. When doorcam ends, it closes sockets with
+/// code 1001; when what let the client in has ended (its token was replaced, its session is over), with code 1008.
 #[utoipa::path(
     get, path = "/live", tag = ROOM,
     responses(
@@ -38,6 +44,7 @@ const LONGEST_MESSAGE: usize = 4096;
 )]
 pub(super) async fn live(
     State(shared): State<Shared>,
+    Extension(pass): Extension<Pass>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
     let upgrade = match upgrade {
@@ -47,8 +54,8 @@ pub(super) async fn live(
             return ([(header::UPGRADE, "websocket")], problem).into_response();
         }
     };
-    let upgrade = upgrade.max_message_size(LONGEST_MESSAGE).read_buffer_size(LONGEST_MESSAGE);
-    upgrade.on_upgrade(move |socket| serve(socket, shared))
+    let upgrade = upgrade.max_message_size(LONGEST_MESSAGE).max_frame_size(LONGEST_MESSAGE);
+    upgrade.read_buffer_size(LONGEST_MESSAGE).on_upgrade(move |socket| serve(socket, shared, pass))
 }
 
 /// A message of the live socket.
@@ -80,12 +87,35 @@ impl Drop for Counted {
     }
 }
 
-async fn serve(mut socket: WebSocket, shared: Shared) {
+/// Whether a client still answers.
+#[derive(Debug, Default)]
+struct Pulse {
+    /// Pings since anything came from it.
+    unanswered: u32,
+}
+
+impl Pulse {
+    /// Notes that something has come from the client.
+    fn felt(&mut self) {
+        self.unanswered = 0;
+    }
+
+    /// Notes another ping; false if the client has left too many unanswered. Pings are counted and not seconds, so that
+    /// clients are not blamed for a time in which doorcam itself was stopped.
+    fn ping(&mut self) -> bool {
+        self.unanswered += 1;
+        self.unanswered <= UNANSWERED
+    }
+}
+
+async fn serve(mut socket: WebSocket, shared: Shared, pass: Pass) {
     let _counted = Counted::new(Arc::clone(&shared.clients));
     let mut updates = shared.hub.subscribe();
     updates.mark_changed();
     let mut last = None;
     let mut ending = shared.ending;
+    let mut let_in = pin!(shared.access.ended(pass));
+    let mut pulse = Pulse::default();
     let mut ping = interval(PING);
     ping.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
@@ -104,17 +134,21 @@ async fn serve(mut socket: WebSocket, shared: Shared) {
                 }
             }
             received = socket.recv() => match received {
-                Some(Ok(Message::Close(_)) | Err(_)) | None => return,
-                Some(Ok(_)) => continue,
+                Some(Ok(Message::Close(_))) | None => return,
+                Some(Ok(_)) => {
+                    pulse.felt();
+                    continue;
+                }
+                Some(Err(_)) => return part(&mut socket, close_code::POLICY, "expected pongs, or short messages").await,
             },
-            _ = ping.tick() => Message::Ping(Bytes::new()),
-            () = until(&mut ending) => {
-                let reason = Utf8Bytes::from_static("doorcam is shutting down");
-                let farewell = Message::Close(Some(CloseFrame { code: close_code::AWAY, reason }));
-                // The connection ends whether or not the client answers.
-                let _ = timeout(FAREWELL, part(&mut socket, farewell)).await;
-                return;
+            _ = ping.tick() => {
+                if !pulse.ping() {
+                    return;
+                }
+                Message::Ping(Bytes::new())
             }
+            () = &mut let_in => return part(&mut socket, close_code::POLICY, "the token or session has ended").await,
+            () = until(&mut ending) => return part(&mut socket, close_code::AWAY, "doorcam is shutting down").await,
         };
         if !matches!(timeout(SEND_LIMIT, socket.send(message)).await, Ok(Ok(()))) {
             return;
@@ -131,14 +165,19 @@ fn text(json: &str, missed: u64) -> Utf8Bytes {
     }
 }
 
-/// Says farewell and waits until the client has disconnected. Dropping the socket while a pong is still unread would
-/// reset the connection, and the reset would overtake the farewell.
-async fn part(socket: &mut WebSocket, farewell: Message) -> Result<(), axum::Error> {
-    socket.send(farewell).await?;
-    while let Some(received) = socket.recv().await {
-        received?;
-    }
-    Ok(())
+/// Says farewell and waits until the client has disconnected, but not for long. Dropping the socket while a pong is still
+/// unread would reset the connection, and the reset would overtake the farewell.
+async fn part(socket: &mut WebSocket, code: u16, reason: &'static str) {
+    let farewell = Message::Close(Some(CloseFrame { code, reason: Utf8Bytes::from_static(reason) }));
+    let parting = async {
+        socket.send(farewell).await?;
+        while let Some(received) = socket.recv().await {
+            received?;
+        }
+        Ok::<_, axum::Error>(())
+    };
+    // The connection ends whether or not the client answers.
+    let _ = timeout(FAREWELL, parting).await;
 }
 
 /// Completes when the server ends or the sender is dropped.
@@ -149,6 +188,20 @@ pub(super) async fn until(ending: &mut watch::Receiver<bool>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_answers_no_ping_is_given_up_and_who_answers_some_is_not() {
+        let mut pulse = Pulse::default();
+        let alive: Vec<_> = (0..6).map(|_| pulse.ping()).collect();
+        assert_eq!(alive, [true, true, true, true, false, false]);
+        let mut pulse = Pulse::default();
+        for k in 1..100 {
+            assert!(pulse.ping(), "{k}");
+            if k % 4 == 0 {
+                pulse.felt();
+            }
+        }
+    }
 
     #[test]
     fn who_missed_something_gets_the_same_update_and_the_count() {

@@ -1,11 +1,13 @@
 //! The camera's images as they come, in one endless answer (multipart/x-mixed-replace, known as MJPEG).
 
 use std::convert::Infallible;
+use std::pin::Pin;
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::body::{Body, Bytes};
 use axum::extract::rejection::QueryRejection;
-use axum::extract::{Query, State};
+use axum::extract::{Extension, Query, State};
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
@@ -15,6 +17,7 @@ use tokio::time::{Instant, sleep_until};
 use utoipa::IntoParams;
 
 use super::Shared;
+use super::access::Pass;
 use super::answers::{Malformed, NotYet, PICTURES, Picture};
 use super::frame::picture;
 use super::live::until;
@@ -35,8 +38,8 @@ pub(super) struct Pace {
 /// What the camera sees, as a stream of pictures (`multipart/x-mixed-replace`).
 ///
 /// Each part has `content-type`, `content-length` and `x-captured`. Each is the newest picture; a slow client misses
-/// those in between. The stream ends when doorcam does. 404 before the first frame, and for recordings of rectified
-/// patches.
+/// those in between. The stream ends when doorcam does, and when what let the client in has ended. 404 before the first
+/// frame, and for recordings of rectified patches.
 #[utoipa::path(
     get, path = "/stream.mjpg", tag = PICTURES, params(Pace),
     responses(
@@ -47,7 +50,11 @@ pub(super) struct Pace {
         (status = 400, response = Malformed), (status = 404, response = NotYet),
     )
 )]
-pub(super) async fn stream(State(shared): State<Shared>, pace: Result<Query<Pace>, QueryRejection>) -> Response {
+pub(super) async fn stream(
+    State(shared): State<Shared>,
+    Extension(pass): Extension<Pass>,
+    pace: Result<Query<Pace>, QueryRejection>,
+) -> Response {
     let pause = match pace {
         Ok(Query(Pace { fps: None })) => Duration::ZERO,
         Ok(Query(Pace { fps: Some(fps) })) if (0.01..=240.0).contains(&fps) => Duration::from_secs_f64(1.0 / fps),
@@ -66,7 +73,16 @@ pub(super) async fn stream(State(shared): State<Shared>, pace: Result<Query<Pace
     }
     let mut frames = shared.hub.frames();
     frames.mark_changed();
-    let parts = Parts { ending: shared.ending.clone(), shared, frames, pause, due: Instant::now(), begun: false };
+    let end = {
+        let (mut ending, let_in) = (shared.ending.clone(), Arc::clone(&shared.access).ended(pass));
+        async move {
+            tokio::select! {
+                () = until(&mut ending) => {}
+                () = let_in => {}
+            }
+        }
+    };
+    let parts = Parts { end: Box::pin(end), shared, frames, pause, due: Instant::now(), begun: false };
     let body = stream::unfold(parts, |mut parts| async move {
         let part = parts.next().await?;
         Some((Ok::<_, Infallible>(part), parts))
@@ -79,7 +95,8 @@ pub(super) async fn stream(State(shared): State<Shared>, pace: Result<Query<Pace
 struct Parts {
     shared: Shared,
     frames: watch::Receiver<Option<CapturedImages>>,
-    ending: watch::Receiver<bool>,
+    /// Completes when doorcam ends or the client may no longer see it.
+    end: Pin<Box<dyn Future<Output = ()> + Send>>,
     pause: Duration,
     due: Instant,
     begun: bool,
@@ -90,11 +107,11 @@ impl Parts {
     async fn next(&mut self) -> Option<Bytes> {
         loop {
             tokio::select! {
-                () = until(&mut self.ending) => return None,
+                () = &mut self.end => return None,
                 () = sleep_until(self.due) => {}
             }
             tokio::select! {
-                () = until(&mut self.ending) => return None,
+                () = &mut self.end => return None,
                 changed = self.frames.changed() => changed.ok()?,
             }
             let seen = self.frames.borrow_and_update().clone()?;

@@ -6,7 +6,9 @@ use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use super::tokens::Scope;
+use super::attempts::{PAUSE, Verdict};
+use super::pass::Pass;
+use super::tokens::{Grant, Scope};
 use super::{Access, Peer, session};
 use crate::server::assets;
 use crate::server::problem::ProblemDetails;
@@ -20,7 +22,7 @@ pub(super) enum Refusal {
     WrongToken,
     /// Its token does not allow this.
     Scope,
-    /// Its address sent too many wrong tokens: for this long, tokens from there are refused without a check.
+    /// Its token is unknown, and its address has sent too many such: no other is worth trying for this long.
     Later(Duration),
 }
 
@@ -28,14 +30,17 @@ pub(super) enum Refusal {
 pub(super) async fn guard(
     State(access): State<Arc<Access>>,
     Extension(peer): Extension<Peer>,
-    request: Request,
+    mut request: Request,
     next: Next,
 ) -> Response {
     let Some(needed) = needed(request.method(), request.uri().path()) else {
         return next.run(request).await;
     };
-    match access.scope_of(request.headers(), peer) {
-        Ok(scope) if scope >= needed => next.run(request).await,
+    match access.pass_of(request.headers(), peer).await {
+        Ok(pass) if pass.scope() >= needed => {
+            request.extensions_mut().insert(pass);
+            next.run(request).await
+        }
         Ok(_) => Refusal::Scope.into_response(),
         Err(refusal) => refusal.into_response(),
     }
@@ -51,29 +56,36 @@ fn needed(method: &Method, path: &str) -> Option<Scope> {
 }
 
 impl Access {
-    /// What the sender of a request may do.
-    pub(super) fn scope_of(&self, headers: &HeaderMap, peer: Peer) -> Result<Scope, Refusal> {
+    /// What lets a request pass, as its token or its session says.
+    pub(super) async fn pass_of(&self, headers: &HeaderMap, peer: Peer) -> Result<Pass, Refusal> {
         if self.tokens().is_empty() {
-            return Ok(Scope::Control);
+            return Ok(Pass::Open);
         }
-        let now = Instant::now();
         if let Some(token) = bearer(headers) {
-            return self.scope_of_token(token, peer, now);
+            return self.grant_of(token, headers, peer).await.map(Pass::Token);
         }
-        let session = self.cookie(headers).and_then(|number| self.sessions.get(number, now));
-        session.map(|session| session.scope).ok_or(Refusal::NoToken)
+        let number = self.cookie(headers).ok_or(Refusal::NoToken)?;
+        let session = self.session(number, Instant::now()).ok_or(Refusal::NoToken)?;
+        Ok(Pass::Session(number.into(), session.grant))
     }
 
-    /// What the holder of a token may do. The token is not even checked if its address has sent too many wrong ones.
-    pub(super) fn scope_of_token(&self, token: &[u8], Peer(address): Peer, now: Instant) -> Result<Scope, Refusal> {
-        if let Some(rest) = self.attempts.barred(address, now) {
-            return Err(Refusal::Later(rest));
+    /// What the holder of a token may do. A right token is let in whatever else came from its address, at most a little
+    /// later.
+    pub(super) async fn grant_of(&self, token: &[u8], headers: &HeaderMap, peer: Peer) -> Result<Grant, Refusal> {
+        let address = self.proxies.client(peer, headers);
+        if let Some(turn) = self.attempts.turn(address, Instant::now()) {
+            let _turn = turn.lock().await;
+            tokio::time::sleep(PAUSE).await;
         }
-        let scope = self.tokens().scope_of(token);
-        if scope.is_none() && self.attempts.note(address, now) {
-            tracing::warn!("{address}: too many wrong tokens, refusing all tokens from this address for a while");
-        }
-        scope.ok_or(Refusal::WrongToken)
+        let grant = self.tokens().grant_of(token);
+        grant.ok_or_else(|| match self.attempts.note(address, Instant::now()) {
+            Verdict::Wrong => Refusal::WrongToken,
+            Verdict::Last => {
+                tracing::warn!("{address}: too many wrong tokens, further ones are refused for a while");
+                Refusal::WrongToken
+            }
+            Verdict::Later(rest) => Refusal::Later(rest),
+        })
     }
 }
 
@@ -111,10 +123,8 @@ impl IntoResponse for Refusal {
 
 fn too_many(rest: Duration) -> Response {
     let wait = rest.as_secs() + 1;
-    let detail = format!("too many wrong tokens from this address, try again in {wait} s");
-    let mut response = ProblemDetails::new(StatusCode::TOO_MANY_REQUESTS, &detail).into_response();
-    response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(wait));
-    response
+    let detail = format!("wrong, like too many other tokens from this address: try again in {wait} s");
+    ProblemDetails::new(StatusCode::TOO_MANY_REQUESTS, &detail).retry_after(wait).into_response()
 }
 
 #[cfg(test)]

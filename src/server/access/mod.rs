@@ -7,7 +7,9 @@ mod headers;
 mod hosts;
 mod images;
 mod origins;
+mod pass;
 mod peer;
+mod proxies;
 mod senders;
 pub(super) mod session;
 mod sessions;
@@ -16,17 +18,20 @@ mod tokens;
 use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::http::HeaderValue;
 use axum::{Router, middleware};
+use tokio::sync::watch;
 
 use self::attempts::Attempts;
 use self::bodies::Budget;
 use self::hosts::Hosts;
+pub(super) use self::pass::Pass;
 pub(super) use self::peer::Peer;
+use self::proxies::Proxies;
 pub(super) use self::senders::network;
-use self::sessions::Sessions;
+use self::sessions::{Session, Sessions};
 use self::tokens::Tokens;
 use crate::config::AccessConfig;
 
@@ -90,6 +95,9 @@ pub struct Access {
     tokens: RwLock<Tokens>,
     attempts: Attempts,
     sessions: Sessions,
+    /// Changes when tokens are replaced and when sessions end before their time.
+    changes: watch::Sender<()>,
+    proxies: Proxies,
     cookie_name: String,
     tls: bool,
     exposed: bool,
@@ -123,6 +131,8 @@ impl Access {
             tokens: RwLock::new(tokens),
             attempts: Attempts::default(),
             sessions: Sessions::new(Duration::from_secs_f64(config.session_s)),
+            changes: watch::Sender::default(),
+            proxies: Proxies::new(&config.trusted_proxies),
             cookie_name: "doorcam".into(),
             tls: false,
             exposed,
@@ -140,7 +150,8 @@ impl Access {
         self
     }
 
-    /// Reads the tokens again, and ends all sessions if they have changed; returns whether they have.
+    /// Reads the tokens again; returns whether they have changed. Sessions, live sockets and streams of a token that is
+    /// no longer one end.
     ///
     /// # Errors
     ///
@@ -158,10 +169,24 @@ impl Access {
         }
         let differ = !next.are(&tokens);
         if differ {
+            self.sessions.keep(|grant| next.still_give(grant));
             *tokens = next;
-            self.sessions.end_all();
+            drop(tokens);
+            self.changes.send_replace(());
         }
         Ok(differ)
+    }
+
+    /// The open session with this number. A session never outlives its token.
+    fn session(&self, number: &str, now: Instant) -> Option<Session> {
+        self.sessions.get(number, now).filter(|session| self.tokens().still_give(&session.grant))
+    }
+
+    /// Ends the session with this number, and what it let in.
+    fn end_session(&self, number: &str) {
+        if self.sessions.end(number) {
+            self.changes.send_replace(());
+        }
     }
 
     fn tokens(&self) -> RwLockReadGuard<'_, Tokens> {

@@ -55,7 +55,14 @@ pub(in crate::server) async fn tell(
     Extension(peer): Extension<Peer>,
     headers: HeaderMap,
 ) -> Response {
-    Json(access.report(peer, &headers)).into_response()
+    let pass = access.pass_of(&headers, peer).await.ok();
+    let now = Instant::now();
+    let session = access.cookie(&headers).and_then(|number| access.session(number, now));
+    let report = Report {
+        expires_s: session.map(|session| session.end.saturating_duration_since(now).as_secs()),
+        ..access.report(pass.map(|pass| pass.scope()))
+    };
+    Json(report).into_response()
 }
 
 /// Begins a session: the client sends a token once, and a cookie from then on.
@@ -73,27 +80,30 @@ pub(in crate::server) async fn begin(
     headers: HeaderMap,
     body: Bytes,
 ) -> Response {
-    let Ok(Login { token }) = serde_json::from_slice(&body) else {
+    // serde would also accept a list of the values.
+    let is_object = body.trim_ascii_start().starts_with(b"{");
+    let Some(Login { token }) = serde_json::from_slice(&body).ok().filter(|_| is_object) else {
         // serde's own message could contain the token.
         return ProblemDetails::bad_request("expected {\"token\": \"...\"}").into_response();
     };
     if access.tokens().is_empty() {
-        return Json(access.report(peer, &headers)).into_response();
+        return Json(access.report(Some(Scope::Control))).into_response();
     }
-    let now = Instant::now();
-    let scope = match access.scope_of_token(token.trim().as_bytes(), peer, now) {
-        Ok(scope) => scope,
+    let grant = match access.grant_of(token.trim().as_bytes(), &headers, peer).await {
+        Ok(grant) => grant,
         Err(refusal) => return refusal.into_response(),
     };
     // The previous session, perhaps of another scope, ends.
-    access.cookie(&headers).into_iter().for_each(|number| access.sessions.end(number));
-    let number = match access.sessions.begin(scope, now) {
+    access.cookie(&headers).into_iter().for_each(|number| access.end_session(number));
+    let number = match access.sessions.begin(grant, Instant::now()) {
         Ok(number) => number,
         Err(e) => return ProblemDetails::internal(&format!("no random numbers for a session: {e}")).into_response(),
     };
+    // One that this one has pushed out takes with it what it let in.
+    access.changes.send_replace(());
     let lifetime = access.sessions.lifetime().as_secs();
     let cookie = access.set_cookie(&headers, &number, lifetime);
-    let report = Report { scope: Some(scope), expires_s: Some(lifetime), ..access.report(peer, &headers) };
+    let report = Report { scope: Some(grant.scope), expires_s: Some(lifetime), ..access.report(None) };
     ([(header::SET_COOKIE, cookie)], Json(report)).into_response()
 }
 
@@ -103,20 +113,19 @@ pub(in crate::server) async fn begin(
     responses((status = 204, description = "There is no session any more"))
 )]
 pub(in crate::server) async fn end(State(access): State<Arc<Access>>, headers: HeaderMap) -> Response {
-    access.cookie(&headers).into_iter().for_each(|number| access.sessions.end(number));
+    access.cookie(&headers).into_iter().for_each(|number| access.end_session(number));
     (StatusCode::NO_CONTENT, [(header::SET_COOKIE, access.set_cookie(&headers, "", 0))]).into_response()
 }
 
 impl Access {
-    fn report(&self, peer: Peer, headers: &HeaderMap) -> Report {
-        let now = Instant::now();
-        let session = self.cookie(headers).and_then(|number| self.sessions.get(number, now));
+    /// A report to a client without a session.
+    fn report(&self, scope: Option<Scope>) -> Report {
         Report {
-            scope: self.scope_of(headers, peer).ok(),
+            scope,
             token_needed: !self.tokens().is_empty(),
             exposed: self.exposed,
             images: self.images,
-            expires_s: session.map(|session| session.end.saturating_duration_since(now).as_secs()),
+            expires_s: None,
         }
     }
 

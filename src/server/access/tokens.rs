@@ -46,6 +46,14 @@ impl fmt::Debug for Token {
     }
 }
 
+/// What a token lets its holder do. Sessions and open sockets keep it, to be held against the tokens in use.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::server) struct Grant {
+    /// What the holder may do.
+    pub(super) scope: Scope,
+    token: Token,
+}
+
 /// The tokens that doorcam was given.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Tokens {
@@ -93,8 +101,18 @@ impl Tokens {
     }
 
     /// What the holder of a token may do. The time it takes does not depend on the token.
-    pub(super) fn scope_of(&self, presented: &[u8]) -> Option<Scope> {
-        let presented = Token::new(presented);
+    pub(super) fn grant_of(&self, presented: &[u8]) -> Option<Grant> {
+        let token = Token::new(presented);
+        let scope = self.scope_of(token)?;
+        Some(Grant { scope, token })
+    }
+
+    /// Whether the token of this grant is still in use, for the same.
+    pub(super) fn still_give(&self, grant: &Grant) -> bool {
+        self.scope_of(grant.token) == Some(grant.scope)
+    }
+
+    fn scope_of(&self, presented: Token) -> Option<Scope> {
         let is = |token: Option<Token>| token.is_some_and(|token| token.is(presented));
         let (control, read) = (is(self.control), is(self.read));
         if control { Some(Scope::Control) } else { read.then_some(Scope::Read) }
@@ -131,13 +149,29 @@ mod tests {
     #[test]
     fn each_token_has_its_scope_and_nothing_else_has_one() {
         let tokens = Tokens::load(&AccessConfig::default(), environment).unwrap();
-        assert_eq!(tokens.scope_of(CONTROL.as_bytes()), Some(Scope::Control));
-        assert_eq!(tokens.scope_of(READ.as_bytes()), Some(Scope::Read));
+        let scope_of = |presented: &[u8]| tokens.grant_of(presented).map(|grant| grant.scope);
+        assert_eq!(scope_of(CONTROL.as_bytes()), Some(Scope::Control));
+        assert_eq!(scope_of(READ.as_bytes()), Some(Scope::Read));
         for wrong in ["", "control", "control-control-controk", "control-control-control ", &CONTROL[..22]] {
-            assert_eq!(tokens.scope_of(wrong.as_bytes()), None, "{wrong}");
+            assert_eq!(scope_of(wrong.as_bytes()), None, "{wrong}");
         }
-        assert_eq!(Tokens::default().scope_of(b""), None);
+        assert!(Tokens::default().grant_of(b"").is_none());
         assert!(Tokens::default().is_empty() && !tokens.is_empty());
+    }
+
+    #[test]
+    fn a_grant_lasts_while_its_token_is_in_use_for_the_same() {
+        let load = |control: &'static str, read: &'static str| {
+            let environment = move |name: &str| Some(if name == "DOORCAM_TOKEN" { control } else { read }.into());
+            Tokens::load(&AccessConfig::default(), environment).unwrap()
+        };
+        let before = load(CONTROL, READ);
+        let [control, read] = [CONTROL, READ].map(|token| before.grant_of(token.as_bytes()).unwrap());
+        let other = load("another-another-another", READ);
+        assert!(!other.still_give(&control) && other.still_give(&read));
+        let swapped = load(READ, CONTROL);
+        assert!(!swapped.still_give(&control) && !swapped.still_give(&read));
+        assert!(load(CONTROL, READ).still_give(&control));
     }
 
     #[test]

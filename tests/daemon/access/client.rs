@@ -5,6 +5,8 @@ use std::net::{SocketAddr, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::time::Duration;
 
+use tungstenite::client::IntoClientRequest;
+
 use crate::common::{Daemon, doorcam, grey_recording, manifest};
 
 pub const CONTROL: &str = "control-0123456789abcdef";
@@ -129,6 +131,15 @@ impl Answer {
     }
 }
 
+/// Opens the live socket of a doorcam that listens there, with these headers.
+pub fn live(address: SocketAddr, headers: &[(&'static str, &str)]) -> tungstenite::WebSocket<TcpStream> {
+    let mut request = format!("ws://{address}/api/v1/live").into_client_request().expect("a request");
+    for (name, value) in headers {
+        request.headers_mut().insert(*name, value.parse().expect("a header"));
+    }
+    tungstenite::client(request, connect(address)).expect("upgrades").0
+}
+
 /// The memory of a process that is in use, in kB.
 pub fn resident_kb(id: u32) -> u64 {
     let status = std::fs::read_to_string(format!("/proc/{id}/status")).expect("it runs");
@@ -155,13 +166,27 @@ pub fn answer(stream: &mut impl Read) -> Option<Answer> {
     let mut bytes = Vec::new();
     // A reset after the answer does not matter.
     let _ = stream.read_to_end(&mut bytes);
-    let text = String::from_utf8_lossy(&bytes);
-    let (head, body) = text.split_once("\r\n\r\n")?;
+    let end = bytes.windows(4).position(|four| four == b"\r\n\r\n")?;
+    let (head, body) = (String::from_utf8_lossy(&bytes[..end]), &bytes[end + 4..]);
     let mut lines = head.lines();
     let status = lines.next()?.split(' ').nth(1)?.parse().ok()?;
-    let headers = lines
+    let headers: Vec<_> = lines
         .filter_map(|line| line.split_once(':'))
         .map(|(name, value)| (name.to_ascii_lowercase(), value.trim().to_owned()))
         .collect();
-    Some(Answer { status, headers, body: body.to_owned() })
+    let chunked = headers.iter().any(|(name, value)| name == "transfer-encoding" && value == "chunked");
+    let body = if chunked { joined(body) } else { body.to_owned() };
+    Some(Answer { status, headers, body: String::from_utf8_lossy(&body).into_owned() })
+}
+
+/// The content of chunks.
+fn joined(mut chunks: &[u8]) -> Vec<u8> {
+    let mut body = Vec::new();
+    while let Some(end) = chunks.windows(2).position(|two| two == b"\r\n") {
+        let length = usize::from_str_radix(str::from_utf8(&chunks[..end]).expect("a length"), 16).expect("a length");
+        let Some(chunk) = chunks.get(end + 2..end + 2 + length) else { break };
+        body.extend_from_slice(chunk);
+        chunks = chunks.get(end + 4 + length..).unwrap_or_default();
+    }
+    body
 }

@@ -6,6 +6,7 @@ mod headers;
 mod hosts;
 mod images;
 mod limits;
+mod revoked;
 mod session;
 mod tls;
 mod tokens;
