@@ -7,6 +7,12 @@ need() {
   command -v "$1" >/dev/null || install_packages "$@"
 }
 
+# want COMMAND PACKAGE...: like need, but what cannot be installed is only reported: tests that need it are skipped.
+want() {
+  command -v "$1" >/dev/null || (install_packages "$@") ||
+    echo "SKIPPED: tests that need $1, which cannot be installed (Debian: ${*:2})"
+}
+
 # The build needs libclang to read the kernel's camera headers. Searches where clang-sys does.
 need_libclang() {
   local found

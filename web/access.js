@@ -57,6 +57,9 @@ export class Access {
   #take(session) {
     this.session = session;
     byId("exposed").hidden = !session.exposed;
+    // A refused socket does not say why, and only looking is not refused.
+    byId("foreign").hidden = !session.refusal;
+    if (session.refusal) setText(byId("foreign"), `This address is not allowed: ${session.refusal}.`);
     this.button.hidden = !session.token_needed;
     setText(this.button, session.scope ? "Log out" : "Log in");
   }

@@ -84,8 +84,8 @@ export const getStatus = () => getJson("status");
 /** @returns {Promise<Update>} */
 export const getReconstruction = () => getJson("reconstruction");
 
-/** @returns {Promise<Session>} */
-export const getSession = () => getJson("session");
+/** @returns {Promise<Session>}  with the reason if doorcam takes this very page for another site's */
+export const getSession = () => getJson(`session?${query({ origin: location.origin })}`);
 
 /**
  * @param {string} token

@@ -243,6 +243,7 @@
  * @property {boolean} exposed  everybody in the network may do everything
  * @property {boolean} images  pictures of the visible side are shown
  * @property {number | null} expires_s
+ * @property {string | null} [refusal]  why this page may neither change anything nor listen
  */
 
 export {};

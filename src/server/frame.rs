@@ -23,7 +23,7 @@ const QUALITY: u8 = 90;
 pub(super) type Encoded = Mutex<Option<(u64, Bytes)>>;
 
 /// When the picture was captured, RFC 3339.
-const CAPTURED: HeaderName = HeaderName::from_static("x-captured");
+pub(super) const CAPTURED: HeaderName = HeaderName::from_static("x-captured");
 
 /// The newest frame as the camera sees it. 404 before the first, and for recordings of rectified patches.
 #[utoipa::path(

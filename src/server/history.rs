@@ -317,7 +317,8 @@ fn kinds(names: Option<&str>) -> Result<Vec<EventKind>, String> {
     names.into_iter().flat_map(|names| names.split(',')).map(kind).collect()
 }
 
-/// Adds a link to the next page, if there is one (RFC 8288).
+/// Adds a link to the next page, if there is one (RFC 8288). It is relative to the page that was asked for, so that it
+/// is right wherever a proxy has put doorcam.
 fn paged(uri: &Uri, next: Option<(&str, String)>, page: impl IntoResponse) -> Response {
     let mut response = page.into_response();
     if let Some((name, value)) = next {
@@ -326,8 +327,8 @@ fn paged(uri: &Uri, next: Option<(&str, String)>, page: impl IntoResponse) -> Re
             !pair.is_empty() && key != Some(name)
         });
         let query: String = others.map(|pair| format!("{pair}&")).collect();
-        // Nesting has stripped the prefix from the path.
-        let link = format!("</api/v1{}?{query}{name}={value}>; rel=\"next\"", uri.path());
+        let page = uri.path().rsplit('/').next().unwrap_or_default();
+        let link = format!("<{page}?{query}{name}={value}>; rel=\"next\"");
         if let Ok(link) = HeaderValue::from_str(&link) {
             response.headers_mut().insert(header::LINK, link);
         }
@@ -343,7 +344,7 @@ mod tests {
     fn the_next_page_is_the_same_question_from_there_on() {
         let uri = Uri::from_static("/events?after=3&kind=enter&limit=2");
         let response = paged(&uri, Some(("after", "5".into())), "");
-        assert_eq!(response.headers()[header::LINK], "</api/v1/events?kind=enter&limit=2&after=5>; rel=\"next\"");
+        assert_eq!(response.headers()[header::LINK], "<events?kind=enter&limit=2&after=5>; rel=\"next\"");
         assert_eq!(paged(&uri, None, "").headers().get(header::LINK), None);
     }
 

@@ -81,7 +81,7 @@ export class Mock {
     };
     this.calibration = new MockCalibration();
     /** @type {Session} */
-    this.session = { scope: "control", token_needed: false, exposed: false, images: true, expires_s: null };
+    this.session = { scope: "control", token_needed: false, exposed: false, images: true, expires_s: null, refusal: null };
     /** @type {Buffer | null} */
     this.frame = cameraPicture();
     /** @type {string | null} When the camera took its last picture, if it has stopped. */

@@ -83,6 +83,14 @@ describe("a doorcam with tokens", () => {
   });
 });
 
+test("a page that doorcam takes for another site's says why", async (t) => {
+  const refusal = "pages at http://door.lan:8081 may not do this";
+  const { page } = await visit(t, {}, (mock) => {
+    mock.session = { ...mock.session, refusal };
+  });
+  await page.locator("#foreign", { hasText: `This address is not allowed: ${refusal}.` }).waitFor();
+});
+
 test("a doorcam that everybody may change says so on the page", async (t) => {
   const { page, mock } = await visit(t, {}, (mock) => {
     mock.session = { ...mock.session, exposed: true };

@@ -29,7 +29,10 @@ fn fetch(daemon: &Daemon, path: &str, accept: &str) -> (String, String, Option<S
     let mut response = ureq::get(format!("{}{path}", daemon.url)).header("accept", accept).call().unwrap();
     let header = |name: &str| response.headers().get(name).map(|value| value.to_str().unwrap().to_owned());
     let (kind, link) = (header("content-type").unwrap(), header("link"));
+    // Relative to what was asked for, and so right behind any proxy.
+    let base = &path[..=path.rfind('/').unwrap()];
     let next = link.map(|link| link.strip_prefix('<').and_then(|l| l.split('>').next()).unwrap().to_owned());
+    let next = next.inspect(|next| assert!(!next.contains('/'), "{next}")).map(|next| format!("{base}{next}"));
     (response.body_mut().read_to_string().unwrap(), kind, next)
 }
 

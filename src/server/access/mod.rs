@@ -14,25 +14,27 @@ mod senders;
 pub(super) mod session;
 mod sessions;
 mod tokens;
+mod told;
 
 use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 use std::time::{Duration, Instant};
 
-use axum::http::HeaderValue;
 use axum::{Router, middleware};
 use tokio::sync::watch;
 
 use self::attempts::Attempts;
 use self::bodies::Budget;
 use self::hosts::Hosts;
+use self::origins::Origin;
 pub(super) use self::pass::Pass;
 pub(super) use self::peer::Peer;
 use self::proxies::Proxies;
 pub(super) use self::senders::network;
 use self::sessions::{Session, Sessions};
 use self::tokens::Tokens;
+use self::told::Told;
 use crate::config::AccessConfig;
 
 /// Why the rules of access cannot be used.
@@ -103,7 +105,9 @@ pub struct Access {
     exposed: bool,
     images: bool,
     hosts: Hosts,
-    origins: Vec<HeaderValue>,
+    foreign_hosts: Told,
+    origins: Vec<Origin>,
+    foreign_origins: Told,
 }
 
 impl Access {
@@ -124,7 +128,7 @@ impl Access {
         if exposed && !config.allow_unauthenticated {
             return Err(AccessError::Exposed(listen));
         }
-        let origin = |text: &String| HeaderValue::from_str(text).map_err(|_| AccessError::Origin(text.clone()));
+        let origin = |text: &String| Origin::parse(text.as_bytes()).ok_or_else(|| AccessError::Origin(text.clone()));
         let origins = config.allowed_origins.iter().map(origin).collect::<Result<_, _>>()?;
         let hosts = Hosts::new(&config.allowed_hosts, listen);
         Ok(Self {
@@ -138,7 +142,9 @@ impl Access {
             exposed,
             images: config.images,
             hosts,
+            foreign_hosts: Told::default(),
             origins,
+            foreign_origins: Told::default(),
         })
     }
 

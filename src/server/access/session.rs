@@ -5,11 +5,12 @@ use std::time::Instant;
 
 use axum::Json;
 use axum::body::Bytes;
-use axum::extract::{Extension, State};
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Extension, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
+use utoipa::{IntoParams, ToSchema};
 
 use super::tokens::Scope;
 use super::{Access, Peer};
@@ -35,6 +36,17 @@ pub(in crate::server) struct Report {
     /// Seconds until the client's session ends; null without one.
     #[schema(required)]
     expires_s: Option<u64>,
+    /// Why changes and live sockets of a page of the `origin` that was asked about are refused; null if they are not.
+    #[schema(required)]
+    refusal: Option<String>,
+}
+
+/// The query parameters of a question about the session.
+#[derive(Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(in crate::server) struct Asked {
+    /// The page's own origin, such as `https://door.lan`. A browser does not tell it when a page only looks.
+    origin: Option<String>,
 }
 
 /// What a browser sends to begin a session.
@@ -47,19 +59,26 @@ pub(in crate::server) struct Login {
 
 /// What this client may do.
 #[utoipa::path(
-    get, path = "/session", tag = STATE,
-    responses((status = 200, description = "What the client may do", body = Report))
+    get, path = "/session", tag = STATE, params(Asked),
+    responses(
+        (status = 200, description = "What the client may do", body = Report), (status = 400, response = Malformed),
+    )
 )]
 pub(in crate::server) async fn tell(
     State(access): State<Arc<Access>>,
     Extension(peer): Extension<Peer>,
+    asked: Result<Query<Asked>, QueryRejection>,
     headers: HeaderMap,
 ) -> Response {
+    let Ok(Query(Asked { origin })) = asked else {
+        return ProblemDetails::bad_request("expected origin=SCHEME://HOST:PORT once, or nothing").into_response();
+    };
     let pass = access.pass_of(&headers, peer).await.ok();
     let now = Instant::now();
     let session = access.cookie(&headers).and_then(|number| access.session(number, now));
     let report = Report {
         expires_s: session.map(|session| session.end.saturating_duration_since(now).as_secs()),
+        refusal: origin.and_then(|origin| access.refusal_of(origin.as_bytes(), &headers)),
         ..access.report(pass.map(|pass| pass.scope()))
     };
     Json(report).into_response()
@@ -126,6 +145,7 @@ impl Access {
             exposed: self.exposed,
             images: self.images,
             expires_s: None,
+            refusal: None,
         }
     }
 

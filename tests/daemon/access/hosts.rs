@@ -30,8 +30,56 @@ fn a_name_that_is_not_its_own_gets_nothing() {
 #[test]
 fn a_configured_name_is_its_own() {
     let doorcam = Guarded::configured("[access]\nallowed_hosts = [\"door.lan\"]\n", &[]);
-    assert_eq!(doorcam.ask("GET", "/api/v1/status", &[("Host", "Door.LAN:8443")]).status, 200);
+    for host in ["Door.LAN:8443", "door.lan.", "door.lan.:80", "door.lan:"] {
+        assert_eq!(doorcam.ask("GET", "/api/v1/status", &[("Host", host)]).status, 200, "{host}");
+    }
     assert_eq!(doorcam.ask("GET", "/api/v1/status", &[("Host", "xdoor.lan")]).status, 403);
+    for host in ["door.lan:99999", "door.lan:8o", "u@door.lan", ":80", "door.lan, door.lan", "[::1", "::1"] {
+        assert_eq!(doorcam.ask("GET", "/api/v1/status", &[("Host", host)]).status, 400, "{host}");
+    }
+    // The absolute form, as proxies get it.
+    for (line, status) in [("http://DOOR.lan:1/livez", 200), ("http://evil.example/livez", 403)] {
+        assert_eq!(doorcam.ask("GET", line, &[("Host", "door.lan")]).status, status, "{line}");
+    }
+}
+
+#[test]
+fn the_log_and_the_page_say_what_was_refused_and_what_was_expected() {
+    let doorcam = Guarded::configured("[access]\nallowed_hosts = [\"door.lan\"]\n", &[]);
+    let refused = "refused a request to \"evil.example\", expected door.lan, localhost or a loopback address; other names \
+                   belong in access.allowed_hosts";
+    for _ in 0..3 {
+        assert_eq!(doorcam.ask("GET", "/", &[("Host", "evil.example")]).status, 403);
+    }
+    // As behind a proxy on another port that passes the name on without it.
+    let page = "http://door.lan:8081";
+    for _ in 0..3 {
+        assert_eq!(doorcam.upgrade(&[("Host", "door.lan"), ("Origin", page)]), 403);
+    }
+    let why = "pages at http://door.lan:8081 may not do this, because doorcam was called as door.lan: if they are its own, \
+               have the proxy pass on the header Host with its port, or add \"http://door.lan:8081\" to \
+               access.allowed_origins";
+    doorcam.daemon.wait_for_log(why);
+    let log = doorcam.daemon.log();
+    assert!(log.contains(refused), "{log}");
+    assert_eq!((log.matches("refused a request to").count(), log.matches(why).count()), (1, 1), "{log}");
+    // A socket's refusal is not shown to the page, so it asks.
+    let asked = |origin: &str| {
+        let answer = doorcam.ask("GET", &format!("/api/v1/session?origin={origin}"), &[("Host", "door.lan")]);
+        assert_eq!(answer.status, 200, "{answer:?}");
+        serde_json::from_str::<serde_json::Value>(&answer.body).unwrap()["refusal"].clone()
+    };
+    assert_eq!(asked("http%3A%2F%2Fdoor.lan%3A8081"), why);
+    assert!(asked("http%3A%2F%2Fdoor.lan").is_null() && asked("https://door.lan").is_null());
+    assert_eq!(doorcam.ask("GET", "/api/v1/session?origin=a&origin=b", &[]).status, 400);
+}
+
+#[test]
+fn nobody_forges_lines_of_the_log() {
+    let doorcam = Guarded::start(&[]);
+    let forged = "http://evil\u{9b}2K\u{fc}\".example";
+    assert_eq!(doorcam.ask("POST", "/api/v1/background/reset", &[("Origin", forged)]).status, 403);
+    doorcam.daemon.wait_for_log("pages at http://evil\\xc2\\x9b2K\\xc3\\xbc\\\".example may not do this");
 }
 
 #[test]
@@ -73,6 +121,10 @@ fn pages_of_configured_origins_may_ask() {
     let answer = doorcam.ask("GET", "/api/v1/status", &[origin, ("Authorization", &bearer(READ))]);
     assert_eq!((answer.status, answer.header("access-control-allow-origin")), (200, Some("https://dash.example")));
     assert_eq!(answer.header("access-control-allow-credentials"), None);
+    let exposed = answer.header("access-control-expose-headers").expect("headers that a page may read");
+    for name in ["etag", "link", "retry-after", "x-captured"] {
+        assert!(exposed.split(',').any(|exposed| exposed.trim() == name), "{name}: {exposed}");
+    }
     assert_eq!(doorcam.upgrade(&[origin, ("Authorization", &bearer(READ))]), 101);
     let other =
         doorcam.ask("GET", "/api/v1/status", &[("Origin", "https://evil.example"), ("Authorization", &bearer(READ))]);
