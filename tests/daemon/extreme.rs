@@ -305,3 +305,57 @@ fn a_calibration_that_has_changed_since_is_not_overwritten() {
     assert_eq!(put("*", 0.54).0, 200);
     assert_eq!(running.json("/api/v1/calibration")["calibration"]["doorway"]["width_m"], 0.54);
 }
+
+/// Names that people give, and some that only look like names.
+const NAMES: [&str; 16] = [
+    "bed", "Bed", "a b", "a_b", "Küche", "Kuche", "Спальня", "Кабинет", "寝室", "👩‍👩‍👧", "", "   ", "a\nb", "\u{202e}x", "_", "=1+1",
+];
+
+#[test]
+fn extreme_zones_get_one_verdict_and_identities_of_their_own() {
+    let recording = camera_recording(3);
+    let running = Daemon::start(&format!("replay:{},loop", recording.path().display()), &[]);
+    let mut random = ChaCha8Rng::seed_from_u64(19);
+    let rounds = if std::env::var_os("DOORCAM_TEST_FULL").is_some() { 10 * TRIED } else { TRIED };
+    let (mut used, mut refused) = (0, 0);
+    for _ in 0..rounds {
+        let zone = |random: &mut ChaCha8Rng| {
+            let mut polygon = json!([[-0.5, 0.5], [0.5, 0.5], [0.5, 1.5], [-0.5, 1.5]]);
+            if random.next_u32().is_multiple_of(3) {
+                distort(&mut polygon, random);
+            }
+            let long = if random.next_u32().is_multiple_of(12) { 5_000 } else { 1 };
+            json!({"name": one_of(random, &NAMES).repeat(long), "polygon_m": polygon})
+        };
+        let count = one_of(&mut random, &[0, 1, 2, 3, 3, 200]);
+        let zones: Vec<Value> = (0..count).map(|_| zone(&mut random)).collect();
+        let (status, answer) = running.send("PUT", "/api/v1/zones", &json!({"zones": zones}));
+        // JSON's strings and lists are TOML's, too.
+        let table = |zone: &Value| format!("[[zones]]\nname = {}\npolygon_m = {}\n", zone["name"], zone["polygon_m"]);
+        let configured = doorcam::config::Config::parse(&zones.iter().map(table).collect::<String>());
+        let told = || format!("{zones:.2000?}\n{status} {answer:.500}\n{:?}", configured.as_ref().err());
+        assert_eq!(running.get("/livez").0, 200, "{}", told());
+        match status {
+            200 => {
+                assert!(configured.is_ok(), "{}", told());
+                let now = running.json("/api/v1/zones")["zones"].clone();
+                let of = |key: &str| now.as_array().unwrap().iter().map(|zone| zone[key].clone()).collect::<Vec<_>>();
+                assert_eq!(of("name"), zones.iter().map(|zone| zone["name"].clone()).collect::<Vec<_>>(), "{}", told());
+                let mut ids: Vec<String> = of("id").iter().map(|id| id.as_str().unwrap().into()).collect();
+                let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+                assert!(ids.iter().all(|id| !id.is_empty() && id.chars().all(plain)), "{ids:?}");
+                ids.sort();
+                ids.dedup();
+                assert_eq!(ids.len(), zones.len(), "{}", told());
+                used += 1;
+            }
+            400 | 413 | 422 => {
+                assert!(configured.is_err(), "{}", told());
+                assert!(!answer["detail"].as_str().unwrap().contains('\n'), "{}", told());
+                refused += 1;
+            }
+            _ => panic!("{}", told()),
+        }
+    }
+    assert!(used > 0 && refused > 0, "{used} {refused}");
+}

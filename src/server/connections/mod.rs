@@ -1,5 +1,6 @@
 //! Connections: their number, their timeouts and TLS, whatever they carry.
 
+mod answered;
 mod certificate;
 mod held;
 mod slots;
@@ -13,16 +14,17 @@ use axum::Router;
 use axum::extract::Request;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
+use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
 use tokio::time::timeout;
 use tower::ServiceExt;
 
+use self::answered::answered;
 use self::held::Held;
-use self::slots::Slots;
+use self::slots::{Slots, Use};
 pub use self::tls::{Tls, TlsError};
 use super::access::Peer;
 use crate::config::ServerConfig;
@@ -93,7 +95,14 @@ async fn accept(
                     continue;
                 };
                 let (router, tls, ending) = (router.clone(), tls.clone(), ending.clone());
-                tokio::spawn(one(Held::new(stream, slot, WRITE_TIME), address, router, tls, ending));
+                let (gone, uses) = (slot.gone(), slot.uses());
+                let served = one(Held::new(stream, slot, WRITE_TIME), address, uses, router, tls, ending);
+                tokio::spawn(async move {
+                    tokio::select! {
+                        () = served => {}
+                        () = gone.notified() => tracing::debug!("{address}: idle, closed for another connection"),
+                    }
+                });
             }
             Err(e) if is_of_one_connection(&e) => {}
             Err(e) => {
@@ -108,17 +117,18 @@ async fn accept(
 async fn one(
     stream: Held<TcpStream>,
     address: SocketAddr,
+    uses: Use,
     router: Router,
     tls: Option<Arc<Tls>>,
     mut ending: watch::Receiver<bool>,
 ) {
-    let Some(tls) = tls else { return requests(stream, address, router, ending).await };
+    let Some(tls) = tls else { return requests(stream, address, uses, router, ending).await };
     let greeted = tokio::select! {
         greeted = timeout(GREETING_TIME, tls.acceptor().accept(stream)) => greeted,
         () = end(&mut ending) => return,
     };
     match greeted {
-        Ok(Ok(stream)) => requests(stream, address, router, ending).await,
+        Ok(Ok(stream)) => requests(stream, address, uses, router, ending).await,
         Ok(Err(e)) => tracing::debug!("{address}: TLS handshake failed: {e}"),
         Err(_) => tracing::debug!("{address}: no TLS handshake within {} s", GREETING_TIME.as_secs()),
     }
@@ -127,20 +137,23 @@ async fn one(
 async fn requests(
     stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
     address: SocketAddr,
+    uses: Use,
     router: Router,
     mut ending: watch::Receiver<bool>,
 ) {
     let peer = Peer(address.ip());
-    let service = router.map_request(move |mut request: Request<Incoming>| {
+    let service = service_fn(move |mut request: Request<Incoming>| {
+        let busy = uses.begin();
         request.extensions_mut().insert(peer);
-        request
+        let answer = router.clone().oneshot(request);
+        async move { answer.await.map(|answer| answered(answer, busy)) }
     });
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_TIME)
         .max_headers(MOST_HEADERS)
         .max_buf_size(LONGEST_HEAD)
-        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(service))
+        .serve_connection(TokioIo::new(stream), service)
         .with_upgrades();
     let mut connection = std::pin::pin!(connection);
     let result = tokio::select! {

@@ -76,6 +76,11 @@ impl Guarded {
         exchange(address, &format!("{request}\r\n{body}"))
     }
 
+    /// Opens the live socket with these headers.
+    pub fn live(&self, headers: &[(&'static str, &str)]) -> tungstenite::WebSocket<TcpStream> {
+        live(self.address(), headers)
+    }
+
     /// Asks for the upgrade to a WebSocket and returns the status, 101 if it is granted.
     pub fn upgrade(&self, headers: &[(&str, &str)]) -> u16 {
         let address = self.address();

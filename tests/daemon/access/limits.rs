@@ -163,6 +163,40 @@ fn a_client_that_asks_first_is_refused_before_it_sends() {
 }
 
 #[test]
+fn a_thousand_connections_that_ask_for_nothing_keep_nobody_out() {
+    let doorcam = Guarded::configured("[server]\nmax_connections_per_address = 20\n", &[]);
+    let address = doorcam.address();
+    let mut socket = doorcam.daemon.live();
+    let starts = [
+        "",
+        "GET",
+        "GET /livez HTTP/1.1\r\nHost: localhost\r\nX-A: ",
+        "GET /livez HTTP/1.1\r\nHost: localhost\r\n\r\n",
+    ];
+    let mut idle = std::collections::VecDeque::new();
+    for k in 0..1000 {
+        let mut stream = connect(address);
+        // It may be gone already.
+        let _ = stream.write_all(starts[k % 4].as_bytes());
+        idle.push_back(stream);
+        // They stay open on this side, as far as this process may have files.
+        if idle.len() > 400 {
+            idle.pop_front();
+        }
+        if k % 50 == 49 {
+            assert!(is_served(&doorcam), "after {k}");
+        }
+    }
+    // Who uses a connection keeps it.
+    loop {
+        match socket.read().expect("the live socket is still open") {
+            tungstenite::Message::Text(_) => break,
+            _ => continue,
+        }
+    }
+}
+
+#[test]
 fn large_requests_are_refused() {
     let doorcam = Guarded::start(&[]);
     let address = doorcam.address();

@@ -6,6 +6,7 @@ mod headers;
 mod hosts;
 mod images;
 mod limits;
+mod odd;
 mod proxies;
 mod revoked;
 mod session;
