@@ -17,7 +17,6 @@ pub(super) use self::turns::Turns;
 use self::turns::answer;
 use super::Shared;
 use super::answers::{Malformed, NotReady, PEOPLE};
-use super::jobs::Kind;
 use super::problem::ProblemDetails;
 use crate::history::{Cut, EventPage, EventQuery, IntervalPage, IntervalQuery, SpanPage, SpanQuery};
 use doorcam_core::tracking::EventKind;

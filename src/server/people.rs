@@ -1,14 +1,16 @@
 use axum::Json;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, State};
+use axum::http::HeaderMap;
 use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::Shared;
-use super::answers::{PEOPLE, Unknown};
+use super::answers::{PEOPLE, UNCHANGED, Unknown};
 use super::problem::ProblemDetails;
+use super::tag::Edition;
 use crate::watch::{Hub, TrackHistory, ZoneOrigin};
 use doorcam_core::geometry::Point;
 use doorcam_core::schema;
@@ -102,10 +104,12 @@ pub(super) async fn track(State(shared): State<Shared>, id: Result<Path<u64>, Pa
 /// The zones in use and who is in them.
 #[utoipa::path(
     get, path = "/zones", tag = PEOPLE,
-    responses((status = 200, description = "The zones", body = Zones))
+    responses((status = 200, description = "The zones", body = Zones), (status = 304, description = UNCHANGED))
 )]
-pub(super) async fn zones(State(shared): State<Shared>) -> Response {
-    Json(occupied(&shared.hub, shared.zones.origin())).into_response()
+pub(super) async fn zones(State(shared): State<Shared>, asked: HeaderMap) -> Response {
+    // Before the zones are read: a tag that is too old prevents a change, one that is too new would allow it.
+    let edition = Edition::new(shared.run, shared.hub.zones_revision());
+    edition.json(&asked, &occupied(&shared.hub, shared.zones.origin()))
 }
 
 fn current(hub: &Hub) -> Tracks {

@@ -37,10 +37,37 @@ impl Tag {
     }
 
     fn is_named(&self, asked: &HeaderMap, name: HeaderName) -> bool {
-        let lists = asked.get_all(name).iter().filter_map(|list| list.to_str().ok());
-        let mut known = lists.flat_map(|list| list.split(',')).map(str::trim);
-        // A strong tag counts as well. Splitting at commas is safe, because no tag of ours has one.
-        known.any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag).trim_matches('"') == self.0)
+        names(asked, name, |tag| tag == self.0)
+    }
+}
+
+/// Whether a header lists a tag, without its quotes, that is one of those wanted, or "*".
+fn names(asked: &HeaderMap, header: HeaderName, wanted: impl Fn(&str) -> bool) -> bool {
+    let lists = asked.get_all(header).iter().filter_map(|list| list.to_str().ok());
+    let mut known = lists.flat_map(|list| list.split(',')).map(str::trim);
+    // A strong tag counts as well. Splitting at commas is safe, because no tag of ours has one.
+    known.any(|tag| tag == "*" || wanted(tag.strip_prefix("W/").unwrap_or(tag).trim_matches('"')))
+}
+
+/// The state of something that a client may change, apart from what else an answer tells of it: its number in a run of
+/// the program. It is the first part of the tags of such answers.
+pub(super) struct Edition(String);
+
+impl Edition {
+    /// The state with this number.
+    pub(super) fn new(run: u64, number: u32) -> Self {
+        Self(format!("{run:x}.{number}"))
+    }
+
+    /// Answers with JSON, or with 304 if the client has it.
+    pub(super) fn json(&self, asked: &HeaderMap, value: &impl Serialize) -> Response {
+        tagged(asked, value, |body| Tag(format!("{}-{}", self.0, Tag::of(body).0)))
+    }
+
+    /// Whether a client may change it: it sends no If-Match, or one that names an answer with this state.
+    pub(super) fn may_change(&self, asked: &HeaderMap) -> bool {
+        let of_this = |tag: &str| tag.split_once('-').is_some_and(|(edition, _)| edition == self.0);
+        !asked.contains_key(header::IF_MATCH) || names(asked, header::IF_MATCH, of_this)
     }
 }
 
@@ -53,8 +80,12 @@ pub(super) fn may_change(asked: &HeaderMap, value: &impl Serialize) -> bool {
 
 /// Answers with JSON that changes rarely, or with 304.
 pub(super) fn json(asked: &HeaderMap, value: &impl Serialize) -> Response {
+    tagged(asked, value, Tag::of)
+}
+
+fn tagged(asked: &HeaderMap, value: &impl Serialize, tag: impl FnOnce(&[u8]) -> Tag) -> Response {
     match serde_json::to_vec(value) {
-        Ok(body) => Tag::of(&body).answer(asked, || ([(header::CONTENT_TYPE, "application/json")], body)),
+        Ok(body) => tag(&body).answer(asked, || ([(header::CONTENT_TYPE, "application/json")], body)),
         Err(e) => ProblemDetails::internal(&e.to_string()).into_response(),
     }
 }
@@ -73,6 +104,20 @@ mod tests {
         assert!(may_change(&HeaderMap::new(), &"one") && may_change(&naming("*".parse().unwrap()), &"one"));
         assert!(may_change(&naming(tag.clone()), &"one") && !may_change(&naming(tag), &"two"));
         assert!(!may_change(&naming(HeaderValue::from_bytes(b"\xff").unwrap()), &"one"));
+    }
+
+    #[test]
+    fn an_edition_stays_the_same_while_what_else_is_told_changes() {
+        let (first, second) = (Edition::new(0xabc, 1), Edition::new(0xabc, 2));
+        let tag =
+            |edition: &Edition, people: u32| edition.json(&HeaderMap::new(), &people).headers()[header::ETAG].clone();
+        assert_ne!(tag(&first, 0), tag(&first, 1));
+        let naming = |tag: HeaderValue| HeaderMap::from_iter([(header::IF_MATCH, tag)]);
+        assert!(first.may_change(&naming(tag(&first, 0))) && first.may_change(&naming(tag(&first, 1))));
+        assert!(!second.may_change(&naming(tag(&first, 0))) && second.may_change(&naming("*".parse().unwrap())));
+        let known = HeaderMap::from_iter([(header::IF_NONE_MATCH, tag(&first, 1))]);
+        assert_eq!(first.json(&known, &1).status(), StatusCode::NOT_MODIFIED);
+        assert_eq!(first.json(&known, &2).status(), StatusCode::OK);
     }
 
     #[test]

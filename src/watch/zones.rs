@@ -29,6 +29,9 @@ pub enum ZonesRefused {
     /// They are not valid.
     #[error(transparent)]
     Unfit(#[from] ConfigError),
+    /// Those in use are not the ones that the client knows.
+    #[error("the zones in use are not those that If-Match names: read them again")]
+    Stale,
     /// Their file cannot be read or written.
     #[error("{}: {reason}", .file.display())]
     Store {
@@ -112,11 +115,14 @@ impl ZoneKeeper {
     /// Uses other zones from the next frame on and saves them if storage is configured. A zone without an id keeps that
     /// of the zone of its name, or gets one of its own.
     ///
+    /// Nothing changes unless `only_if` holds for the revision of the zones in use ([`Hub::zones_revision`]).
+    ///
     /// # Errors
-    /// If they are not valid or cannot be saved.
-    pub fn replace(&self, zones: Vec<Zone>) -> Result<(), ZonesRefused> {
+    /// If they are not valid or cannot be saved, or `only_if` does not hold.
+    pub fn replace(&self, zones: Vec<Zone>, only_if: &dyn Fn(u32) -> bool) -> Result<(), ZonesRefused> {
         check_zones(&zones)?;
         let mut changing = lock(&self.changing);
+        self.must(only_if)?;
         let mut ids = changing.clone();
         let zones = ids.drawn(zones, &self.hub.zones())?;
         // Before the zones: an id that is in use must never be forgotten.
@@ -139,9 +145,10 @@ impl ZoneKeeper {
     /// Returns to the configuration's zones and deletes the saved ones.
     ///
     /// # Errors
-    /// If the file cannot be removed.
-    pub fn forget(&self) -> Result<(), ZonesRefused> {
+    /// If the file cannot be removed, or `only_if` does not hold, as for [`Self::replace`].
+    pub fn forget(&self, only_if: &dyn Fn(u32) -> bool) -> Result<(), ZonesRefused> {
         let _changing = lock(&self.changing);
+        self.must(only_if)?;
         if let Some(file) = &self.file {
             match std::fs::remove_file(file) {
                 Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
@@ -154,6 +161,10 @@ impl ZoneKeeper {
         self.go_on_with(state.configured.clone());
         state.origin = ZoneOrigin::Config;
         Ok(())
+    }
+
+    fn must(&self, only_if: &dyn Fn(u32) -> bool) -> Result<(), ZonesRefused> {
+        if only_if(self.hub.zones_revision()) { Ok(()) } else { Err(ZonesRefused::Stale) }
     }
 
     fn state(&self) -> MutexGuard<'_, State> {

@@ -308,7 +308,22 @@ fn a_calibration_that_has_changed_since_is_not_overwritten() {
 
 /// Names that people give, and some that only look like names.
 const NAMES: [&str; 16] = [
-    "bed", "Bed", "a b", "a_b", "Küche", "Kuche", "Спальня", "Кабинет", "寝室", "👩‍👩‍👧", "", "   ", "a\nb", "\u{202e}x", "_", "=1+1",
+    "bed",
+    "Bed",
+    "a b",
+    "a_b",
+    "Küche",
+    "Kuche",
+    "Спальня",
+    "Кабинет",
+    "寝室",
+    "👩‍👩‍👧",
+    "",
+    "   ",
+    "a\nb",
+    "\u{202e}x",
+    "_",
+    "=1+1",
 ];
 
 #[test]
@@ -358,4 +373,26 @@ fn extreme_zones_get_one_verdict_and_identities_of_their_own() {
         }
     }
     assert!(used > 0 && refused > 0, "{used} {refused}");
+}
+
+#[test]
+fn zones_that_have_changed_since_are_not_overwritten() {
+    let recording = camera_recording(3);
+    let running = Daemon::start(&format!("replay:{},loop", recording.path().display()), &[]);
+    let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
+    let path = format!("{}/api/v1/zones", running.url);
+    let zone = |name: &str| json!({"zones": [{"name": name, "polygon_m": [[0, 1], [1, 1], [1, 2]]}]});
+    let put = |tag: &str, name: &str| {
+        let answer = agent.put(&path).header("if-match", tag).send_json(zone(name)).unwrap();
+        (answer.status().as_u16(), answer.headers().get("etag").map(|tag| tag.to_str().unwrap().to_owned()))
+    };
+    let answer = agent.get(&path).call().unwrap();
+    let first = answer.headers()["etag"].to_str().unwrap().to_owned();
+    let (status, second) = put(&first, "bed");
+    let second = second.expect("the answer has the tag of the new zones");
+    assert!(status == 200 && second != first);
+    assert_eq!(put(&first, "sofa").0, 412);
+    assert_eq!(agent.delete(&path).header("if-match", &first).call().unwrap().status(), 412);
+    assert_eq!(put(&second, "sofa").0, 200);
+    assert_eq!(running.json("/api/v1/zones")["zones"][0]["name"], "sofa");
 }

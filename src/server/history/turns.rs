@@ -3,7 +3,6 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
@@ -58,14 +57,14 @@ pub(super) enum Refused {
 
 impl IntoResponse for Refused {
     fn into_response(self) -> Response {
-        let problem = match self {
-            Self::Busy => ProblemDetails::unavailable("too many ask for the history now, try again in 1 s"),
-            Self::Store(e) => ProblemDetails::unavailable(&e.to_string()),
-            Self::Failed => return ProblemDetails::internal("reading the history failed").into_response(),
-        };
-        let mut response = problem.into_response();
-        response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
-        response
+        match self {
+            Self::Busy => {
+                ProblemDetails::unavailable("too many ask for the history now, try again in 1 s").retry_after(1)
+            }
+            Self::Store(e) => ProblemDetails::unavailable(&e.to_string()).retry_after(1),
+            Self::Failed => ProblemDetails::internal("reading the history failed"),
+        }
+        .into_response()
     }
 }
 
@@ -113,6 +112,8 @@ async fn asked<T: Send + 'static>(
 
 #[cfg(test)]
 mod tests {
+    use axum::http::header;
+
     use super::*;
 
     #[tokio::test]
