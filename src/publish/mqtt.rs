@@ -97,7 +97,7 @@ pub(super) async fn run(settings: Settings, hub: &Hub, report: &Mutex<MqttReport
         introduced: false,
         tracks_at: None,
         event: None,
-        neighbours: Neighbours::new(Instant::now()),
+        neighbours: Neighbours::new(),
         listening: Listening::AtOnce,
         made: None,
         short: 0,
@@ -157,7 +157,7 @@ impl Session<'_> {
         self.told.clear();
         self.introduced = false;
         self.made = Some(now);
-        self.neighbours = Neighbours::new(now);
+        self.neighbours.begin(now);
         if self.listening == Listening::AtOnce {
             self.listen();
         }
@@ -215,7 +215,7 @@ impl Session<'_> {
             self.short = 0;
             if self.listening == Listening::Later {
                 self.listening = Listening::Since(now);
-                self.neighbours = Neighbours::new(now);
+                self.neighbours.begin(now);
                 self.listen();
             }
         }

@@ -43,7 +43,7 @@ pub(super) enum Todo {
     SayOnline,
 }
 
-/// What was heard over one connection.
+/// What was heard from the broker.
 #[derive(Debug)]
 pub(super) struct Neighbours {
     begun: Instant,
@@ -56,13 +56,14 @@ pub(super) struct Neighbours {
     welcomed: Option<Instant>,
     /// Retained topics below doorcam's own.
     left: BTreeSet<String>,
-    /// Whether what was left has been cleared.
+    /// Whether what was left has been cleared, or is not listened to.
     pub(super) is_clean: bool,
 }
 
 impl Neighbours {
-    /// At the beginning of a connection.
-    pub(super) fn new(now: Instant) -> Self {
+    /// Nothing was heard yet.
+    pub(super) fn new() -> Self {
+        let now = Instant::now();
         Self {
             begun: now,
             twin: None,
@@ -71,8 +72,14 @@ impl Neighbours {
             born: false,
             welcomed: None,
             left: BTreeSet::new(),
-            is_clean: false,
+            is_clean: true,
         }
+    }
+
+    /// At the beginning of a connection. Who was heard over the one before is believed to be there still.
+    pub(super) fn begin(&mut self, now: Instant) {
+        (self.begun, self.asked, self.is_clean) = (now, now, true);
+        self.left.clear();
     }
 
     /// Takes a message and says what to do about it. `instance` is this doorcam, `home_assistant` the first level of
@@ -124,7 +131,7 @@ impl Neighbours {
 
     /// Whether to ask again whether another doorcam is there. Only if one was.
     pub(super) fn should_ask(&mut self, now: Instant) -> bool {
-        let due = self.twin.is_some() && now.saturating_duration_since(self.asked) >= ASK;
+        let due = self.twin(now).is_some() && now.saturating_duration_since(self.asked) >= ASK;
         if due {
             self.asked = now;
         }
@@ -142,7 +149,7 @@ impl Neighbours {
 
     /// The topics that earlier runs left behind, once it is known that they are nobody else's.
     pub(super) fn leftovers(&mut self, is_in_use: impl Fn(&str) -> bool, now: Instant) -> Option<Vec<String>> {
-        if self.is_clean || self.twin.is_some() || now.saturating_duration_since(self.begun) < SETTLE {
+        if self.is_clean || self.twin(now).is_some() || now.saturating_duration_since(self.begun) < SETTLE {
             return None;
         }
         self.left.retain(|topic| !is_in_use(topic));
@@ -177,6 +184,13 @@ mod tests {
         Topics::new("doorcam/hall", "hall", vec!["bed".into()])
     }
 
+    fn started(now: Instant) -> Neighbours {
+        let mut neighbours = Neighbours::new();
+        neighbours.begin(now);
+        neighbours.is_clean = false;
+        neighbours
+    }
+
     fn hear(neighbours: &mut Neighbours, topic: &str, payload: &str, is_retained: bool, now: Instant) -> Todo {
         neighbours.hear((topic, payload.as_bytes(), is_retained), (&topics(), "me", "homeassistant"), now)
     }
@@ -185,7 +199,7 @@ mod tests {
     fn another_doorcam_of_the_same_id_is_heard_answered_and_forgotten() {
         let start = Instant::now();
         let at = |s: u64| start + Duration::from_secs(s);
-        let mut neighbours = Neighbours::new(start);
+        let mut neighbours = started(start);
         let mut say = |payload: &str, retained, s| {
             let todo = hear(&mut neighbours, "doorcam/hall/instance", payload, retained, at(s));
             (todo, neighbours.twin(at(s)).map(str::to_owned))
@@ -200,15 +214,18 @@ mod tests {
         assert_eq!(say(&presence("other", false), false, 2), (Todo::Answer, other.clone()));
         assert_eq!(say(&presence("other", false), false, 3), (Todo::Nothing, other), "not as often as it likes");
         assert!(!neighbours.should_ask(at(59)) && neighbours.should_ask(at(60)) && !neighbours.should_ask(at(61)));
-        assert_eq!(neighbours.twin(at(153)), None);
-        assert_eq!(neighbours.leftovers(|_| false, at(600)), None, "nothing of another one is cleared");
+        assert_eq!(neighbours.leftovers(|_| false, at(152)), None, "nothing of another one is cleared");
+        neighbours.begin(at(152));
+        neighbours.is_clean = false;
+        assert_eq!(neighbours.leftovers(|_| false, at(152) + SETTLE), Some(Vec::new()), "it has left");
+        assert!(neighbours.twin(at(153)).is_none() && !neighbours.should_ask(at(900)));
     }
 
     #[test]
     fn only_what_doorcam_itself_left_is_cleared() {
         let start = Instant::now();
         let later = start + SETTLE;
-        let mut neighbours = Neighbours::new(start);
+        let mut neighbours = started(start);
         let ours = &announcements("homeassistant", &topics(), "Hall", &["Bed".into()])[2].payload;
         let of = |id: &str| ours.replace("doorcam_hall", &format!("doorcam_{id}"));
         for (topic, payload, retained) in [
@@ -234,7 +251,7 @@ mod tests {
     #[test]
     fn home_assistant_is_welcomed_whenever_it_starts_but_not_as_often_as_anybody_likes() {
         let start = Instant::now();
-        let mut neighbours = Neighbours::new(start);
+        let mut neighbours = started(start);
         assert!(!neighbours.should_welcome(start));
         hear(&mut neighbours, "homeassistant/status", "offline", false, start);
         assert!(!neighbours.should_welcome(start));
@@ -247,7 +264,7 @@ mod tests {
 
     #[test]
     fn who_is_online_says_so_when_somebody_says_otherwise() {
-        let mut neighbours = Neighbours::new(Instant::now());
+        let mut neighbours = started(Instant::now());
         let mut say =
             |payload, retained| hear(&mut neighbours, "doorcam/hall/availability", payload, retained, Instant::now());
         assert_eq!(say("offline", true), Todo::Nothing, "of before this connection");

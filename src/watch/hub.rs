@@ -209,7 +209,8 @@ impl Hub {
     /// A hub without updates. `watched` is `None` as long as there is no calibration.
     pub fn new(watched: Option<Watched>, preset: Option<Preset>, source: SourceInfo) -> Self {
         // The same rule as on the page: stale after five frame intervals, but not before two seconds.
-        let stale_after = Duration::from_secs_f64((5.0 / source.fps).max(2.0).min(LONGEST_FRESH_S));
+        let fresh_s = if source.fps > 0.0 { (5.0 / source.fps).clamp(2.0, LONGEST_FRESH_S) } else { LONGEST_FRESH_S };
+        let stale_after = Duration::from_secs_f64(fresh_s);
         let started = Instant::now();
         let counters = Counters {
             observed: Observed::new(stale_after, watched.is_some(), started, Timestamp::now()),
