@@ -43,6 +43,28 @@ describe("source", () => {
     });
   }
 
+  test("says that nobody is there only while it is watching", async (t) => {
+    const { mock, page, complaints } = await visit(t, {}, onCamera);
+    const nobody = (/** @type {string} */ words) => page.locator("#tracks-none", { hasText: words }).waitFor();
+    await nobody("Not watching");
+    mock.send(update(1, []));
+    await reaches(page, "live");
+    await nobody("Nobody is seen right now.");
+    const since = "2026-11-29T12:00:00Z";
+    mock.status.watching = { watching: false, reason: "no-camera", since, until: null };
+    mock.status.state = "stale";
+    await reaches(page, "stale");
+    await nobody("Not watching: the camera is gone.");
+    assert.equal(await page.locator("#watch-state").isVisible(), false);
+    mock.status.watching = { watching: false, reason: "learning", since, until: null };
+    mock.status.state = "learning";
+    const stream = setInterval(() => mock.send(update((mock.latest?.sequence ?? 0) + 1, [], { state: "learning" })), 200);
+    t.after(() => clearInterval(stream));
+    await nobody("Not watching: the empty room is being learned.");
+    await page.locator("#watch-state", { hasText: "Learning the background" }).waitFor();
+    assert.deepEqual(complaints, []);
+  });
+
   test("says how other systems are told of what happens, where there are any", async (t) => {
     const { mock, page, complaints } = await visit(t, {});
     mock.send(update(1, []));

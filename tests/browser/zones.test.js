@@ -166,6 +166,14 @@ describe("zones editor", () => {
     await page.locator("#zones-outcome.failed", { hasText: "Not saved: zones: there are 2, expected none on a Sunday" }).waitFor();
   });
 
+  test("sends back the id of a zone that gets another name", async (t) => {
+    const { mock, page } = await drawing(t, {}, [{ ...BED, id: "zone-1a2b3c4d" }]);
+    await page.locator("#zones-list input").fill("Спальня");
+    await page.locator("#zones-save").click();
+    await says(page, "Saved");
+    assert.deepEqual(mock.drawn, [[{ ...BED, id: "zone-1a2b3c4d", name: "Спальня" }]]);
+  });
+
   test("does not lose what is not saved, and goes back to the configuration's zones", async (t) => {
     const { mock, page, complaints } = await drawing(t, {}, [BED], (mock) => {
       mock.zonesFrom = "saved";
