@@ -13,7 +13,8 @@ use utoipa::ToSchema;
 
 use super::bounds::{Bounded, Until};
 use super::clock::{Clocks, System};
-use super::query::{Cut, EventPage, EventQuery, IntervalPage, IntervalQuery, SpanPage, SpanQuery, Tables};
+use super::pages::{Cut, EventPage, EventQuery, IntervalPage, IntervalQuery, SpanPage, SpanQuery};
+use super::query::Tables;
 use super::spans::Spans;
 use super::store::{Batch, Store, StoreError, failed, open_reader};
 use super::writer::Writer;

@@ -1,150 +1,13 @@
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-use jiff::{SignedDuration, Timestamp};
+use jiff::Timestamp;
 use rusqlite::{Connection, OptionalExtension, Row, ToSql, named_params};
-use serde::Serialize;
-use utoipa::ToSchema;
 
 use super::Span;
 use super::blocks::{EVENTS, OCCUPANCY};
+use super::pages::{Cut, EventPage, EventQuery, Interval, IntervalPage, IntervalQuery, SpanPage, SpanQuery};
 use super::store::{integer, nanoseconds};
 use doorcam_core::tracking::{Event, EventKind};
-
-/// Selects events.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct EventQuery {
-    /// Only events with larger numbers than this.
-    pub after: Option<u64>,
-    /// Only events at or after this time.
-    pub from: Option<Timestamp>,
-    /// Only events before this time.
-    pub to: Option<Timestamp>,
-    /// Only events of these kinds; empty for all kinds.
-    pub kinds: Vec<EventKind>,
-    /// Only events of this track.
-    pub track: Option<u64>,
-    /// Only events of this zone.
-    pub zone: Option<String>,
-    /// At most this many.
-    pub limit: usize,
-}
-
-/// Some of the kept events.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-pub struct EventPage {
-    /// The events that match, in the order of their numbers.
-    pub events: Vec<Event>,
-    /// Number of the oldest event that is kept; null if none is kept.
-    #[schema(required)]
-    pub oldest: Option<u64>,
-    /// Number of the newest event; null if none is kept.
-    #[schema(required)]
-    pub newest: Option<u64>,
-    /// `after` of the next page; null if there are no more events.
-    #[schema(required)]
-    pub next: Option<u64>,
-}
-
-/// Selects spans.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SpanQuery {
-    /// Only spans with larger numbers than this.
-    pub after: Option<u64>,
-    /// Only spans that end after this time.
-    pub from: Timestamp,
-    /// Only spans that begin before this time.
-    pub to: Timestamp,
-    /// Only spans of this zone; `None` for those of the whole room.
-    pub zone: Option<String>,
-    /// At most this many.
-    pub limit: usize,
-}
-
-/// Some of the kept spans.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-pub struct SpanPage {
-    /// The spans that match, in the order in which they began.
-    pub spans: Vec<Span>,
-    /// `after` of the next page; null if there are no more spans.
-    #[schema(required)]
-    pub next: Option<u64>,
-}
-
-/// The intervals over which occupancy is summed up.
-#[derive(Debug, Clone, PartialEq)]
-pub struct IntervalQuery {
-    /// Where the first interval begins.
-    pub from: Timestamp,
-    /// Where the last interval ends.
-    pub to: Timestamp,
-    /// Length of each interval; the last may be shorter.
-    pub step: SignedDuration,
-    /// The zone; `None` for the whole room.
-    pub zone: Option<String>,
-    /// At most this many intervals.
-    pub limit: usize,
-}
-
-impl IntervalQuery {
-    /// `from` of the next page; `None` if there are no more intervals.
-    pub fn next(&self) -> Option<Timestamp> {
-        let length = i32::try_from(self.limit).ok().and_then(|limit| self.step.checked_mul(limit))?;
-        self.from.checked_add(length).ok().filter(|next| *next < self.to)
-    }
-}
-
-/// Occupancy over an interval.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-pub struct Interval {
-    /// Where it begins, RFC 3339.
-    pub from: Timestamp,
-    /// Where it ends.
-    pub to: Timestamp,
-    /// Most people at once; null if none of it was watched.
-    #[schema(required)]
-    pub most: Option<usize>,
-    /// Mean number of people over the time that was watched; null if none of it was.
-    #[schema(required)]
-    pub mean: Option<f64>,
-    /// Seconds with somebody there.
-    pub occupied_s: f64,
-    /// Seconds that were watched.
-    pub watched_s: f64,
-}
-
-/// Some intervals.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-pub struct IntervalPage {
-    /// The intervals, in their order.
-    pub intervals: Vec<Interval>,
-    /// `from` of the next page; null if there are no more intervals.
-    #[schema(required)]
-    pub next: Option<Timestamp>,
-}
-
-/// Where a page of events or spans begins and ends.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Cut {
-    /// Numbers of the first and of the last row; `None` if there is none.
-    pub ends: Option<[u64; 2]>,
-    /// `after` of the next page; `None` if this is the last.
-    pub next: Option<u64>,
-}
-
-impl Cut {
-    /// Of numbers in their order, of which the last one may be beyond the limit.
-    fn of(numbers: impl Iterator<Item = u64>, limit: usize) -> Self {
-        let (mut ends, mut next) = (None, None);
-        for (k, number) in numbers.enumerate() {
-            if k == limit {
-                next = ends.map(|[_, last]: [u64; 2]| last);
-                break;
-            }
-            ends = Some([ends.map_or(number, |[first, _]| first), number]);
-        }
-        Self { ends, next }
-    }
-}
 
 /// The tables to search, in the file and in memory. What is in both is taken from memory.
 pub(super) struct Tables<'a> {
@@ -226,31 +89,32 @@ impl Tables<'_> {
 
     /// The first spans that match.
     pub(super) fn spans(&self, query: &SpanQuery) -> rusqlite::Result<SpanPage> {
-        let SpanQuery { after, from, to, zone, limit } = query;
         // A span that was open when the file became unwritable is in both; the one in memory is longer, and overwrites.
         let mut known = BTreeMap::new();
         for connection in self.file.into_iter().chain(self.memory) {
-            each_span(connection, (*from, *to), zone.as_deref(), *after, limit + 1, |span| {
+            each_span(connection, &Asked::of(query), "id, zone, people, from_ns, to_ns", |row| {
+                let span = read_span(row)?;
                 known.insert(span.id, span);
+                Ok(())
             })?;
         }
-        let mut spans: Vec<Span> = known.into_values().take(limit + 1).collect();
-        let more = spans.len() > *limit;
-        spans.truncate(*limit);
+        let mut spans: Vec<Span> = known.into_values().collect();
+        let more = spans.len() > query.limit;
+        spans.truncate(query.limit);
         let next = spans.last().map(|span| span.id).filter(|_| more);
         Ok(SpanPage { spans, next })
     }
 
     /// Where the page of spans begins and ends.
     pub(super) fn spans_cut(&self, query: &SpanQuery) -> rusqlite::Result<Cut> {
-        let SpanQuery { after, from, to, zone, limit } = query;
         let mut numbers = BTreeSet::new();
         for connection in self.file.into_iter().chain(self.memory) {
-            each_span(connection, (*from, *to), zone.as_deref(), *after, limit + 1, |span| {
-                numbers.insert(span.id);
+            each_span(connection, &Asked::of(query), "id", |row| {
+                numbers.insert(row.get(0)?);
+                Ok(())
             })?;
         }
-        Ok(Cut::of(numbers.into_iter(), *limit))
+        Ok(Cut::of(numbers.into_iter(), query.limit))
     }
 
     /// Occupancy, summed up over each interval.
@@ -263,33 +127,61 @@ impl Tables<'_> {
             intervals.push(Interval { from: begin, to: end, most: None, mean: None, occupied_s: 0.0, watched_s: 0.0 });
             begin = end;
         }
-        let mut people_s = vec![0.0; intervals.len()];
+        let mut sums = vec![Sum::default(); intervals.len()];
+        let ends: Vec<i64> = intervals.iter().map(|interval| nanoseconds(interval.to)).collect();
+        let from = nanoseconds(*from);
+        let asked = Asked { zone: zone.as_deref(), after: None, times: [from, nanoseconds(begin)], limit: usize::MAX };
         let mut counted = HashSet::new();
         // Memory first, because of a span that is in both it has the longer version. It never holds many spans.
         for (connection, in_memory) in self.memory.map(|m| (m, true)).into_iter().chain(self.file.map(|f| (f, false))) {
-            each_span(connection, (*from, begin), zone.as_deref(), None, usize::MAX, |span| {
+            // As numbers: this may be every span of a year.
+            each_span(connection, &asked, "id, people, from_ns, to_ns", |row| {
+                let [id, people, begins, ends_at]: [i64; 4] = [row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?];
                 if in_memory {
-                    counted.insert(span.id);
-                } else if counted.contains(&span.id) {
-                    return;
+                    counted.insert(id);
+                } else if counted.contains(&id) {
+                    return Ok(());
                 }
-                let first = intervals.partition_point(|interval| interval.to <= span.from);
-                for (interval, people_s) in intervals[first..].iter_mut().zip(&mut people_s[first..]) {
-                    let overlap = span.to.min(interval.to).duration_since(span.from.max(interval.from)).as_secs_f64();
-                    if overlap <= 0.0 {
+                for k in ends.partition_point(|&end| end <= begins)..ends.len() {
+                    let start = if k == 0 { from } else { ends[k - 1] };
+                    let overlap_ns = ends_at.min(ends[k]).saturating_sub(begins.max(start));
+                    if overlap_ns <= 0 {
                         break;
                     }
-                    interval.watched_s += overlap;
-                    interval.occupied_s += if span.people > 0 { overlap } else { 0.0 };
-                    interval.most = interval.most.max(Some(span.people));
-                    *people_s += overlap * span.people as f64;
+                    sums[k].add(people, overlap_ns);
                 }
+                Ok(())
             })?;
         }
-        for (interval, people_s) in intervals.iter_mut().zip(people_s) {
-            interval.mean = (interval.watched_s > 0.0).then(|| people_s / interval.watched_s);
+        for (interval, sum) in intervals.iter_mut().zip(&sums) {
+            sum.tell(interval);
         }
         Ok(IntervalPage { intervals, next: (begin < *to).then_some(begin) })
+    }
+}
+
+/// What spans add up to in an interval.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sum {
+    most: Option<i64>,
+    watched_s: f64,
+    occupied_s: f64,
+    people_s: f64,
+}
+
+impl Sum {
+    fn add(&mut self, people: i64, nanoseconds: i64) {
+        let seconds = nanoseconds as f64 / 1e9;
+        self.most = self.most.max(Some(people));
+        self.watched_s += seconds;
+        self.occupied_s += if people > 0 { seconds } else { 0.0 };
+        self.people_s += seconds * people as f64;
+    }
+
+    fn tell(&self, interval: &mut Interval) {
+        interval.most = self.most.and_then(|most| usize::try_from(most).ok());
+        interval.mean = (self.watched_s > 0.0).then(|| self.people_s / self.watched_s);
+        (interval.occupied_s, interval.watched_s) = (self.occupied_s, self.watched_s);
     }
 }
 
@@ -333,10 +225,14 @@ fn events_statement(by: By, columns: &str, forwards: bool) -> String {
     )
 }
 
-/// The statement for spans.
-const SPANS_STATEMENT: &str = "SELECT id, zone, people, from_ns, to_ns FROM occupancy INDEXED BY occupancy_zone
-     WHERE zone IS :zone AND id > :after AND id < :below AND from_ns < :to AND to_ns > :from
-     ORDER BY id LIMIT :limit";
+/// The statement for some columns of spans.
+fn spans_statement(columns: &str) -> String {
+    format!(
+        "SELECT {columns} FROM occupancy INDEXED BY occupancy_zone
+         WHERE zone IS :zone AND id > :after AND id < :below AND from_ns < :to AND to_ns > :from
+         ORDER BY id LIMIT :limit"
+    )
+}
 
 /// The smallest (`ASC`) or largest (`DESC`) number of an event below a bound. One statement for both would read them all.
 fn end_of_events(connection: &Connection, order: &str, below: i64) -> rusqlite::Result<Option<i64>> {
@@ -409,18 +305,34 @@ pub(super) fn read_event(row: &Row<'_>) -> rusqlite::Result<Event> {
     })
 }
 
-/// Calls `each` for the spans that overlap a time, in the order of their numbers, beginning after the number `after`.
+/// Which spans are asked for.
+struct Asked<'a> {
+    zone: Option<&'a str>,
+    after: Option<u64>,
+    /// Those that overlap the time between these, in nanoseconds since 1970.
+    times: [i64; 2],
+    limit: usize,
+}
+
+impl<'a> Asked<'a> {
+    /// One more than the limit, which shows whether there is another page.
+    fn of(query: &'a SpanQuery) -> Self {
+        let SpanQuery { after, from, to, zone, limit } = query;
+        let times = [nanoseconds(*from), nanoseconds(*to)];
+        Self { zone: zone.as_deref(), after: *after, times, limit: limit + 1 }
+    }
+}
+
+/// Calls `each` with some columns of the spans, in the order of their numbers.
 fn each_span(
     connection: &Connection,
-    (from, to): (Timestamp, Timestamp),
-    zone: Option<&str>,
-    after: Option<u64>,
-    limit: usize,
-    mut each: impl FnMut(Span),
+    asked: &Asked<'_>,
+    columns: &str,
+    mut each: impl FnMut(&Row<'_>) -> rusqlite::Result<()>,
 ) -> rusqlite::Result<()> {
-    let (from, to) = (nanoseconds(from), nanoseconds(to));
+    let Asked { zone, after, times: [from, to], limit } = *asked;
     let numbers = OCCUPANCY.between(connection, from, to)?;
-    let mut select = connection.prepare_cached(SPANS_STATEMENT)?;
+    let mut select = connection.prepare_cached(&spans_statement(columns))?;
     let parameters = named_params! {
         ":zone": zone,
         ":after": after.map_or(-1, integer).max(numbers.start.saturating_sub(1)),
@@ -431,7 +343,7 @@ fn each_span(
     };
     let mut rows = select.query(parameters)?;
     while let Some(row) = rows.next()? {
-        each(read_span(row)?);
+        each(row)?;
     }
     Ok(())
 }

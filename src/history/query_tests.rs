@@ -2,6 +2,7 @@ use super::super::Numbers;
 use super::super::store::tests::event;
 use super::super::store::{Batch, Store};
 use super::*;
+use jiff::SignedDuration;
 
 fn at(seconds: i64) -> Timestamp {
     Timestamp::from_second(seconds).unwrap()
@@ -146,7 +147,8 @@ fn every_statement_searches_an_index_that_has_the_order() {
         // Without values for the parameters, which make no difference.
         explain.raw_query().mapped(|row| row.get(3)).collect::<Result<_, _>>().unwrap()
     };
-    let mut statements = vec![(SPANS_STATEMENT.to_owned(), "occupancy_zone (zone=? AND rowid>? AND rowid<?)")];
+    let mut statements =
+        vec![(spans_statement("id, people, from_ns, to_ns"), "occupancy_zone (zone=? AND rowid>? AND rowid<?)")];
     for (by, index) in [
         (By::Number, "INTEGER PRIMARY KEY (rowid>? AND rowid<?)"),
         (By::Kind, "events_kind (kind=? AND rowid>? AND rowid<?)"),

@@ -14,7 +14,7 @@ use utoipa::{IntoParams, ToSchema};
 
 use self::csv::{as_text, csv};
 pub(super) use self::turns::Turns;
-use self::turns::answer;
+use self::turns::{Asking, answer};
 use super::Shared;
 use super::answers::{Malformed, NotReady, PEOPLE};
 use super::problem::ProblemDetails;
@@ -133,20 +133,20 @@ pub(super) async fn events(
         Err(why) => return refused(&why, "after, from, to, kind, track, zone, limit, format"),
     };
     match format {
-        Format::Json => match answer(shared, move |history, until| history.events(&query, until)).await {
+        Format::Json => match answer(shared, Asking::Page, move |history, until| history.events(&query, until)).await {
             Ok(page) => paged(&uri, page.next.map(|after| ("after", after.to_string())), Json(page)),
             Err(refused) => refused.into_response(),
         },
         Format::Csv => {
             let (asked, whole) = (shared.clone(), query.clone());
-            let cut = match answer(asked, move |history, until| history.events_cut(&whole, until)).await {
+            let cut = match answer(asked, Asking::Page, move |history, until| history.events_cut(&whole, until)).await {
                 Ok(cut) => cut,
                 Err(refused) => return refused.into_response(),
             };
             let columns = ["sequence", "kind", "time", "track", "x_m", "y_m", "zone"];
             // From a time on, so that it begins with the first events and not with the newest.
             let query = EventQuery { from: query.from.or(Some(Timestamp::MIN)), limit: MOST_ROWS, ..query };
-            let rows = csv(shared, &columns, begin(&cut), move |history, (after, last), until| {
+            let rows = csv(shared, Asking::Page, &columns, begin(&cut), move |history, (after, last), until| {
                 let part = EventQuery { after, ..query.clone() };
                 let mut events = history.events(&part, until)?.events;
                 events.retain(|event| event.sequence <= last);
@@ -211,18 +211,18 @@ pub(super) async fn occupancy(
 
 async fn spans(shared: Shared, uri: &Uri, query: SpanQuery, format: Format) -> Response {
     if format == Format::Json {
-        return match answer(shared, move |history, until| history.spans(&query, until)).await {
+        return match answer(shared, Asking::Page, move |history, until| history.spans(&query, until)).await {
             Ok(page) => paged(uri, page.next.map(|after| ("after", after.to_string())), Json(page)),
             Err(refused) => refused.into_response(),
         };
     }
     let (asked, whole) = (shared.clone(), query.clone());
-    let cut = match answer(asked, move |history, until| history.spans_cut(&whole, until)).await {
+    let cut = match answer(asked, Asking::Page, move |history, until| history.spans_cut(&whole, until)).await {
         Ok(cut) => cut,
         Err(refused) => return refused.into_response(),
     };
     let columns = ["id", "zone", "people", "from", "to"];
-    let rows = csv(shared, &columns, begin(&cut), move |history, (after, last), until| {
+    let rows = csv(shared, Asking::Page, &columns, begin(&cut), move |history, (after, last), until| {
         let part = SpanQuery { after, limit: MOST_ROWS, ..query.clone() };
         let mut spans = history.spans(&part, until)?.spans;
         spans.retain(|span| span.id <= last);
@@ -241,18 +241,19 @@ fn begin(cut: &Cut) -> Option<(Option<u64>, u64)> {
 async fn intervals(shared: Shared, uri: &Uri, query: IntervalQuery, format: Format) -> Response {
     let columns = ["from", "to", "most", "mean", "occupied_s", "watched_s"];
     if format == Format::Json {
-        return match answer(shared, move |history, until| history.intervals(&query, until)).await {
+        return match answer(shared, Asking::Sum, move |history, until| history.intervals(&query, until)).await {
             Ok(page) => paged(uri, page.next.map(|from| ("from", from.to_string())), Json(page)),
             Err(refused) => refused.into_response(),
         };
     }
     let next = query.next();
-    let rows = csv(shared, &columns, Some((query.from, query.limit)), move |history, (from, limit), until| {
-        let part = IntervalQuery { from, limit: limit.min(MOST_ROWS), ..query.clone() };
-        let page = history.intervals(&part, until)?;
-        let left = limit - page.intervals.len();
-        Ok((page.intervals, page.next.filter(|_| left > 0).map(|from| (from, left))))
-    });
+    let rows =
+        csv(shared, Asking::Sum, &columns, Some((query.from, query.limit)), move |history, (from, limit), until| {
+            let part = IntervalQuery { from, limit: limit.min(MOST_ROWS), ..query.clone() };
+            let page = history.intervals(&part, until)?;
+            let left = limit - page.intervals.len();
+            Ok((page.intervals, page.next.filter(|_| left > 0).map(|from| (from, left))))
+        });
     paged(uri, next.map(|from| ("from", from.to_string())), rows)
 }
 

@@ -267,7 +267,7 @@ fn check_name(name: &str) -> Result<(), RecordingRefused> {
         && !name.ends_with('.')
         && name.trim() == name
         && !is_reserved(name);
-    if fits { Ok(()) } else { Err(RecordingRefused::Name(name.into())) }
+    if fits { Ok(()) } else { Err(RecordingRefused::Name(name.chars().take(2 * LONGEST_NAME).collect())) }
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::super::Shared;
 use super::super::problem::ProblemDetails;
-use super::turns::further;
+use super::turns::{Asking, further};
 use crate::history::{History, StoreError, Until};
 
 /// Characters at the start of a cell that make spreadsheets take it for a formula.
@@ -23,6 +23,7 @@ pub(super) fn as_text(cell: String) -> String {
 /// The header row and the rows that `part` gives from a place on, with the place of the next part, if there is one.
 pub(super) fn csv<R: Serialize + 'static, P: Send + 'static>(
     shared: Shared,
+    asking: Asking,
     columns: &[&str],
     first: Option<P>,
     part: impl Fn(&History, P, &Until) -> Result<(Vec<R>, Option<P>), StoreError> + Clone + Send + Sync + 'static,
@@ -38,7 +39,7 @@ pub(super) fn csv<R: Serialize + 'static, P: Send + 'static>(
             let read = move |history: &History, until: &Until| {
                 part(history, place, until).map(|(rows, next)| (text(&rows), next))
             };
-            match further(shared, read).await {
+            match further(shared, asking, read).await {
                 Ok((rows, next)) => rows.map(|rows| Some((rows, next))).map_err(|e| e.to_string()),
                 // The client sees that the answer is not complete.
                 Err(refused) => Err(format!("{refused:?}")),

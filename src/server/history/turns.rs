@@ -11,27 +11,58 @@ use super::super::Shared;
 use super::super::problem::ProblemDetails;
 use crate::history::{History, StoreError, Until};
 
-/// Most queries at once. More would share the same processors and disk.
-const AT_ONCE: usize = 4;
+/// Most queries for pages at once: each reads little more than it answers. More would share the same processors.
+const PAGES: usize = 3;
+/// Most sums over intervals at once: each may read the whole history, and must not hold up pages or frames.
+const SUMS: usize = 1;
 /// Most queries that wait for their turn: most take a millisecond.
 const WAITING: usize = 64;
-/// How long a query waits for its turn.
-const PATIENCE: Duration = Duration::from_secs(1);
+/// How long a query waits for its turn, so that whoever is refused hears of it within a second.
+const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Who may ask the history now.
 #[derive(Debug, Clone)]
 pub(in super::super) struct Turns {
-    running: Arc<Semaphore>,
-    waiting: Arc<Semaphore>,
+    pages: Queue,
+    sums: Queue,
 }
 
 impl Default for Turns {
     fn default() -> Self {
-        Self { running: Arc::new(Semaphore::new(AT_ONCE)), waiting: Arc::new(Semaphore::new(WAITING)) }
+        Self { pages: Queue::new(PAGES), sums: Queue::new(SUMS) }
     }
 }
 
+/// What is asked for.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Asking {
+    /// Events or spans as they are.
+    Page,
+    /// Sums over intervals.
+    Sum,
+}
+
 impl Turns {
+    fn queue(&self, asking: Asking) -> &Queue {
+        match asking {
+            Asking::Page => &self.pages,
+            Asking::Sum => &self.sums,
+        }
+    }
+}
+
+/// Those who ask and those who wait.
+#[derive(Debug, Clone)]
+struct Queue {
+    running: Arc<Semaphore>,
+    waiting: Arc<Semaphore>,
+}
+
+impl Queue {
+    fn new(at_once: usize) -> Self {
+        Self { running: Arc::new(Semaphore::new(at_once)), waiting: Arc::new(Semaphore::new(WAITING)) }
+    }
+
     /// A turn, or `None` if too many wait for theirs.
     async fn take(&self) -> Option<OwnedSemaphorePermit> {
         let _place = self.waiting.try_acquire().ok()?;
@@ -80,18 +111,20 @@ impl Drop for Waiting {
 /// Asks the history, in turn.
 pub(super) async fn answer<T: Send + 'static>(
     shared: Shared,
+    asking: Asking,
     ask: impl FnOnce(&History, &Until) -> Result<T, StoreError> + Send + 'static,
 ) -> Result<T, Refused> {
-    let turn = shared.turns.take().await.ok_or(Refused::Busy)?;
+    let turn = shared.turns.queue(asking).take().await.ok_or(Refused::Busy)?;
     asked(shared, turn, ask).await
 }
 
 /// Asks the history for a further part of an answer, however long that takes.
 pub(super) async fn further<T: Send + 'static>(
     shared: Shared,
+    asking: Asking,
     ask: impl FnOnce(&History, &Until) -> Result<T, StoreError> + Send + 'static,
 ) -> Result<T, Refused> {
-    let turn = shared.turns.wait().await.ok_or(Refused::Busy)?;
+    let turn = shared.turns.queue(asking).wait().await.ok_or(Refused::Busy)?;
     asked(shared, turn, ask).await
 }
 
@@ -118,9 +151,9 @@ mod tests {
 
     #[tokio::test]
     async fn beyond_some_queries_at_once_others_wait_and_beyond_those_they_are_refused() {
-        let turns = Turns::default();
+        let turns = Queue::new(PAGES);
         let mut running = Vec::new();
-        for _ in 0..AT_ONCE {
+        for _ in 0..PAGES {
             running.push(turns.take().await.unwrap());
         }
         let waiting: Vec<_> = (0..WAITING)
