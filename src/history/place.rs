@@ -15,6 +15,13 @@ pub(super) struct Place {
     inode: u64,
 }
 
+/// A file's length, and when it was last written to, in seconds and nanoseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Look {
+    length: u64,
+    written: (i64, i64),
+}
+
 impl Place {
     /// The file that a path leads to now.
     pub(super) fn of(path: PathBuf) -> io::Result<Self> {
@@ -25,6 +32,12 @@ impl Place {
     /// Its path.
     pub(super) fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// What it looks like now; `None` if it cannot be seen.
+    pub(super) fn look(&self) -> Option<Look> {
+        let found = self.path.metadata().ok()?;
+        Some(Look { length: found.len(), written: (found.mtime(), found.mtime_nsec()) })
     }
 
     /// What happened to it, in words, if the path does not lead to it any more.

@@ -9,7 +9,7 @@ use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension, TransactionB
 
 use super::blocks::{EVENTS, OCCUPANCY};
 use super::bounds::LONGEST;
-use super::place::Place;
+use super::place::{Look, Place};
 use super::query::{read_event, read_span};
 use super::retention::LOG_PAGES;
 use super::schema::{MIGRATIONS, migrate};
@@ -72,6 +72,8 @@ pub(super) struct Store {
     reserved: Numbers,
     /// The file, what SQLite keeps beside it, and the lock: all have to stay where they are.
     places: Vec<Place>,
+    /// What the file looked like after this program had last written to it.
+    written: Option<Look>,
     /// Keeps other doorcams away from the file.
     _lock: Option<File>,
 }
@@ -107,7 +109,7 @@ impl Store {
     pub(super) fn in_memory() -> rusqlite::Result<Self> {
         let mut connection = Connection::open_in_memory()?;
         migrate(&mut connection, MIGRATIONS)?;
-        Ok(Self { connection, reserved: Numbers::default(), places: Vec::new(), _lock: None })
+        Ok(Self { connection, reserved: Numbers::default(), places: Vec::new(), written: None, _lock: None })
     }
 
     /// Opens the file, or creates it and its directory, and brings its tables up to date.
@@ -149,13 +151,41 @@ impl Store {
         let reserved = numbers(&connection).map_err(sql)?;
         let places = ["", "-wal", "-shm", "-lock"].map(|part| Place::of(beside(file, part)));
         let places = places.into_iter().collect::<Result<_, _>>().map_err(io)?;
-        Ok(Self { connection, reserved, places, _lock: Some(lock) })
+        let mut store = Self { connection, reserved, places, written: None, _lock: Some(lock) };
+        store.remember();
+        Ok(store)
     }
 
     /// What happened to the file, or to what is beside it, if it is not where it was opened any more: what is written
     /// to it from then on may be gone with it.
     pub(super) fn lost(&self) -> Option<String> {
         self.places.iter().find_map(|place| Some(format!("{}: {}", place.path().display(), place.lost()?)))
+    }
+
+    /// Remembers what the file looks like now, because this program has written to it.
+    pub(super) fn remember(&mut self) {
+        self.written = self.places.first().and_then(Place::look);
+    }
+
+    /// Whether somebody else has written to the file since: another program that may, or one that knows nothing of
+    /// SQLite.
+    pub(super) fn was_touched(&self) -> bool {
+        self.written.is_some() && self.places.first().and_then(Place::look) != self.written
+    }
+
+    /// What is wrong with the file, as somebody sees it who opens it now: this connection remembers what was there.
+    pub(super) fn damage(&self) -> Option<String> {
+        let file = self.places.first()?.path();
+        let check = |reader: Connection| reader.query_row("PRAGMA quick_check(1)", (), |row| row.get::<_, String>(0));
+        match open_reader(file).and_then(check) {
+            Ok(found) if found == "ok" => None,
+            Ok(found) => Some(found.split_whitespace().collect::<Vec<_>>().join(" ")),
+            Err(e) => match failed(file, e) {
+                StoreError::Broken { reason, .. } => Some(reason),
+                // It may be well: there was no memory, or no file could be opened.
+                _ => None,
+            },
+        }
     }
 
     /// Closes a file that is not in its place any more. Everything written is in it then, wherever it is; of what is at

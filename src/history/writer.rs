@@ -21,6 +21,8 @@ const MEMORY_BYTES: u64 = 8_000_000;
 const RETRY: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(30)];
 /// How long the file has to work before a failure counts as the first one again.
 const HEALTHY: Duration = Duration::from_secs(60);
+/// How often the file is checked, at most, after others have written to it: that reads all of it.
+const CHECK_EVERY: Duration = Duration::from_secs(10);
 /// How often the time that is believed is kept in the file.
 const CLOCK_EVERY: Duration = Duration::from_secs(60);
 
@@ -36,6 +38,9 @@ pub(super) struct Writer {
     retry_at: Instant,
     /// Since when the file works.
     works_since: Instant,
+    /// Whether others have written to it since it was checked, and when it may be checked again.
+    touched: bool,
+    check_at: Instant,
     said: Sparing,
     /// Whether to prune even if nothing was written: rows may still be beyond the limits.
     full: bool,
@@ -59,6 +64,8 @@ impl Writer {
             backoff,
             retry_at,
             works_since: now,
+            touched: false,
+            check_at: now,
             said: Sparing::default(),
             full: true,
         };
@@ -138,6 +145,7 @@ impl Writer {
         }
         drop(pending);
         lock(&self.shared.report).lost += lost;
+        self.look_at_the_file();
         self.look_at_the_clock();
         if let Some(damage) = damage.filter(|_| self.store.is_some()) {
             self.fail(&damage);
@@ -146,9 +154,27 @@ impl Writer {
         if !ending && (self.full || !batch.is_empty()) {
             self.prune();
         }
+        if let Some(store) = &mut self.store
+            && !self.touched
+        {
+            store.remember();
+        }
         lock(&self.shared.pending).answered = asked;
         self.shared.written.notify_all();
         !ending
+    }
+
+    /// Notices what others have written to the file while it is open.
+    fn look_at_the_file(&mut self) {
+        let Some(store) = &self.store else { return };
+        self.touched |= store.was_touched();
+        let now = Instant::now();
+        if self.touched && now >= self.check_at {
+            (self.touched, self.check_at) = (false, now + CHECK_EVERY);
+            if let Some(damage) = store.damage() {
+                self.fail(&damage);
+            }
+        }
     }
 
     fn look_at_the_clock(&mut self) {
@@ -251,7 +277,7 @@ impl Writer {
         report.bytes = store.bytes().unwrap_or(report.bytes);
         self.store = Some(store);
         let now = Instant::now();
-        (self.works_since, self.keep_clock_at) = (now, now);
+        (self.works_since, self.keep_clock_at, self.touched) = (now, now, false);
     }
 
     /// Tries the file again, and moves what is in memory to it.

@@ -1,3 +1,4 @@
+use std::fs::File;
 use std::path::PathBuf;
 
 use jiff::SignedDuration;
@@ -297,6 +298,8 @@ fn a_query_that_finds_damage_has_the_file_put_aside() {
     let mut bytes = std::fs::read(&file).unwrap();
     bytes.fill(0x5a);
     std::fs::write(&file, &bytes).unwrap();
+    // As if the file's times did not show it.
+    writer.store.as_mut().unwrap().remember();
     let (query, until) = (EventQuery { limit: 5, ..EventQuery::default() }, Default::default());
     std::thread::scope(|scope| {
         let asking = scope.spawn(|| history.events(&query, &until));
@@ -307,6 +310,30 @@ fn a_query_that_finds_damage_has_the_file_put_aside() {
     });
     live(&history, 2000..2010);
     writer.put_away();
+    writer.retry_at = Instant::now();
+    writer.put_away();
+    assert_eq!((state(&history).0, told(&history).0), ("stored", numbers(2000..2010)));
+}
+
+#[test]
+fn what_another_program_writes_over_the_file_is_noticed_without_a_query() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("history.sqlite");
+    let (history, mut writer) = open(kept(Ok(file.clone()))).unwrap();
+    live(&history, 0..2000);
+    writer.put_away();
+    writer.store.as_ref().unwrap().connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", (), |_| Ok(())).unwrap();
+    writer.put_away();
+    assert!(writer.check_at > Instant::now() && !writer.touched, "the checkpoint was looked at, and was well");
+    writer.check_at = Instant::now();
+    writer.put_away();
+    assert_eq!(state(&history).0, "stored");
+    // The same file, cut off.
+    File::options().write(true).open(&file).unwrap().set_len(8192).unwrap();
+    live(&history, 2000..2010);
+    writer.put_away();
+    let (then, reason) = state(&history);
+    assert!(then == "memory" && reason.contains("page"), "{reason}");
     writer.retry_at = Instant::now();
     writer.put_away();
     assert_eq!((state(&history).0, told(&history).0), ("stored", numbers(2000..2010)));
