@@ -89,7 +89,7 @@ fn what_cannot_be_recorded_is_refused_with_the_key_and_what_was_expected() {
         let (status, problem) = daemon.send("POST", PATH, &json!({"name": name}));
         assert!(status == 422 && detail(&problem).starts_with("name is "), "{name:?}: {problem}");
     }
-    for long in ["x".repeat(65), "𠀀".repeat(64), "x".repeat(100_000)] {
+    for long in ["x".repeat(65), "𠀀".repeat(64), "x".repeat(3_000)] {
         assert_eq!(daemon.send("POST", PATH, &json!({"name": long})).0, 422);
     }
     for (wish, code, words) in [
