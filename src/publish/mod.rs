@@ -124,7 +124,7 @@ fn secret(key: &'static str, file: &Path) -> Result<String, PublishError> {
 /// Reads a file of certificates.
 fn certificates(key: &'static str, file: &Path) -> Result<Vec<u8>, PublishError> {
     let refused = |reason: String| PublishError::File { key, file: file.into(), reason };
-    let pem = files::read(file, FileKind::CERTIFICATES).map_err(|e| refused(e.to_string()))?;
+    let pem = files::read(file, FileKind::CERTIFICATES).map_err(|e| refused(e.words()))?;
     let found = CertificateDer::pem_slice_iter(&pem).collect::<Result<Vec<_>, _>>();
     match found {
         Ok(found) if !found.is_empty() => Ok(pem),

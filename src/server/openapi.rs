@@ -8,8 +8,8 @@ use serde_json::{Map, Value, json};
 use utoipa::OpenApi;
 
 use super::answers::{
-    Busy, Conflicting, Failed, Malformed, NoSocket, NotReady, NotYet, PEOPLE, PICTURES, ROOM, SETUP, STATE, TooLarge,
-    TooMany, UNCHANGED, Unfit, Unknown, WrongToken,
+    Busy, Conflicting, Failed, Malformed, NoSocket, NotReady, NotYet, PEOPLE, PICTURES, ROOM, SETUP, STATE, Stale,
+    TooLarge, TooMany, UNCHANGED, Unfit, Unknown, WrongToken,
 };
 use super::described;
 use super::problem::ProblemDetails;
@@ -37,7 +37,7 @@ use super::tag::Tag;
     components(
         schemas(super::live::LiveMessage, ProblemDetails),
         responses(
-            NotYet, NotReady, Unknown, Malformed, TooLarge, Unfit, Conflicting, WrongToken, TooMany, NoSocket, Failed,
+            NotYet, NotReady, Unknown, Malformed, TooLarge, Unfit, Conflicting, Stale, WrongToken, TooMany, NoSocket, Failed,
             Busy
         ),
     ),

@@ -11,7 +11,7 @@ const TOO_OPEN: u32 = 0o027;
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, String> {
     let file = path.display();
     let cannot = |e: ReadError| match e {
-        ReadError::Io(e) => format!("{file}: cannot read it: {}", e.kind()),
+        e @ ReadError::Io(_) => format!("{file}: cannot read it: {}", e.words()),
         e => format!("{file}: {e}"),
     };
     let opened = files::open(path, FileKind::SECRET).map_err(cannot)?;

@@ -1,4 +1,3 @@
-use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -10,6 +9,7 @@ use utoipa::ToSchema;
 use crate::config::{Config, Preset, TrackerConfig};
 use crate::feed::SourceInfo;
 use crate::watch::meters::Meters;
+use crate::watch::rate::Rate;
 use crate::watch::recent::Recent;
 use crate::watch::skips::Skips;
 use crate::watch::tap::Tap;
@@ -171,38 +171,6 @@ pub struct LastUpdate {
     pub sequence: u64,
     /// Seconds since it was published.
     pub age_s: f64,
-}
-
-/// Events in the last seconds.
-#[derive(Debug, Default)]
-struct Rate(VecDeque<Instant>);
-
-impl Rate {
-    const WINDOW: Duration = Duration::from_secs(3);
-    const MOST: usize = 4096;
-
-    fn count(&mut self, now: Instant) {
-        self.trim(now);
-        if self.0.len() < Self::MOST {
-            self.0.push_back(now);
-        }
-    }
-
-    fn trim(&mut self, now: Instant) {
-        while self.0.front().is_some_and(|&t| now.duration_since(t) > Self::WINDOW) {
-            self.0.pop_front();
-        }
-    }
-
-    fn hz(&mut self, now: Instant) -> f64 {
-        self.trim(now);
-        match (self.0.front(), self.0.back()) {
-            (Some(&first), Some(&last)) if last > first => {
-                (self.0.len() - 1) as f64 / last.duration_since(first).as_secs_f64()
-            }
-            _ => 0.0,
-        }
-    }
 }
 
 impl Hub {

@@ -8,6 +8,7 @@ mod calibrator;
 mod hub;
 mod mailbox;
 mod meters;
+mod rate;
 mod recent;
 mod recordings;
 mod run;

@@ -112,7 +112,8 @@ fn the_whole_history_comes_as_csv_in_pages_whose_cells_no_spreadsheet_calculates
         pages += 1;
         path = head.lines().find(|line| line.starts_with("link: ")).map(|link| {
             let (_, rest) = link.split_once('<').unwrap();
-            rest.split_once('>').unwrap().0.replace("t00:00:00z", "T00:00:00Z")
+            // Relative to the address that was asked for.
+            format!("/api/v1/{}", rest.split_once('>').unwrap().0.replace("t00:00:00z", "T00:00:00Z"))
         });
     }
     assert_eq!((pages, rows.len()), (3, 25_000));

@@ -281,12 +281,12 @@ fn a_password_opens_the_broker_and_is_not_told() {
         let said = common::stderr(&output);
         let expected = format!("mqtt.password_file: {}: its mode {mode:o} lets others at the secret", file.display());
         // Where the mode is right, the next thing is wrong.
-        assert!(said.contains(if is_refused { &expected } else { "mqtt.ca_file: /none: No such file" }), "{said}");
+        assert!(said.contains(if is_refused { &expected } else { "mqtt.ca_file: /none: no such file" }), "{said}");
     }
     std::fs::remove_file(&file).unwrap();
     let output = common::run(&["serve", "--source", SOURCE, "--config", &config(directory.path(), port, &keys)]);
     let said = common::stderr(&output);
-    let expected = format!("doorcam: mqtt.password_file: {}: No such file", file.display());
+    let expected = format!("doorcam: mqtt.password_file: {}: cannot read it: no such file", file.display());
     assert!(output.status.code() == Some(1) && said.contains(&expected), "{said}");
 }
 

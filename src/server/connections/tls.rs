@@ -138,7 +138,7 @@ fn load(files: &TlsConfig) -> Result<(ServerConfig, Option<Validity>), TlsError>
     };
     let key = |what: &dyn std::fmt::Display| TlsError(format!("tls.key_file: {}: {what}", files.key_file.display()));
     let chain = read_file(&files.certificate_file, FileKind::CERTIFICATES).map_err(|e| match e {
-        ReadError::Io(e) => certificate(&format!("cannot read it: {}", e.kind())),
+        e @ ReadError::Io(_) => certificate(&format!("cannot read it: {}", e.words())),
         e => certificate(&e),
     })?;
     let chain = CertificateDer::pem_slice_iter(&chain).collect::<Result<Vec<_>, _>>().map_err(|e| certificate(&e))?;

@@ -140,7 +140,7 @@ fn a_certificate_or_key_that_cannot_be_used_is_refused() {
         said.trim_end().trim_start_matches("doorcam: ").to_owned()
     };
     let both = ["--tls-cert", c, "--tls-key", k];
-    assert_eq!(refusal(&both), format!("tls.certificate_file: {c}: cannot read it: entity not found"));
+    assert_eq!(refusal(&both), format!("tls.certificate_file: {c}: cannot read it: no such file or directory"));
     certify(directory.path());
     write_with_mode(&key, &std::fs::read_to_string(&key).unwrap(), 0o644);
     assert!(refusal(&both).starts_with(&format!("tls.key_file: {k}: its mode 644 lets others at the secret")));

@@ -71,7 +71,7 @@ fn a_token_that_others_can_read_or_guess_is_refused() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("token");
     let path = file.to_str().unwrap();
-    let missing = format!("doorcam: access.token_file: {path}: cannot read it: entity not found");
+    let missing = format!("doorcam: access.token_file: {path}: cannot read it: no such file or directory");
     assert_eq!(refusal(&["--token-file", path], &[]), missing);
     for mode in [0o644, 0o604, 0o660, 0o602] {
         write_with_mode(&file, CONTROL, mode);

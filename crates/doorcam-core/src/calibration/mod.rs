@@ -21,4 +21,4 @@ pub(crate) use footprint::{Footprint, footprints};
 pub use homography::{Homography, HomographyError};
 pub use lens::{LensError, LensMap};
 pub use overlay::{Outlines, Overlay};
-pub use values::{Calibration, CalibrationError};
+pub use values::{Calibration, CalibrationError, image_size};

@@ -16,7 +16,7 @@ use crate::optics::{FloorPoint, Lens, Transfer, TransferError};
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Calibration {
     /// Width and height of the camera's images, in pixels.
-    #[serde(deserialize_with = "whole")]
+    #[serde(deserialize_with = "image_size")]
     #[cfg_attr(feature = "schema", schema(value_type = crate::schema::Size))]
     pub size: [usize; 2],
     /// The doorway.
@@ -112,8 +112,12 @@ const FARTHEST_M: f64 = 20.0;
 /// How many pixels of the image a patch may cover: enough to measure with, and not more than are read with every frame.
 pub(super) const AREA_PX: RangeInclusive<f64> = 64.0..=2e6;
 
-/// Reads two whole numbers. 640.0 counts as one, because JSON makes no difference.
-fn whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[usize; 2], D::Error> {
+/// Reads the size of an image: two whole numbers. 640.0 counts as one, because JSON makes no difference.
+///
+/// # Errors
+///
+/// If there are not two numbers, or one is negative or not whole.
+pub fn image_size<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[usize; 2], D::Error> {
     let numbers = <[f64; 2]>::deserialize(deserializer)?;
     // Numbers that are too large are refused by `Calibration::lens_map`, which can name the key.
     let is_whole = |number: f64| number >= 0.0 && number.fract() == 0.0;

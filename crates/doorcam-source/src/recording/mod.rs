@@ -5,13 +5,13 @@ mod timeline;
 
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::{Purpose, SourceError};
 use crate::bounded::bounded;
 use crate::files::{self, FileKind};
 use crate::orientation::Orientation;
-use doorcam_core::calibration::Calibration;
+use doorcam_core::calibration::{Calibration, image_size};
 use doorcam_core::geometry::Doorway;
 use doorcam_core::optics::{FloorPoint, Lens, Transfer};
 
@@ -46,7 +46,7 @@ pub struct Manifest {
     /// Transfer function of the images.
     pub transfer: Transfer,
     /// Width and height of the images, in pixels; needed with layout camera.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "size", skip_serializing_if = "Option::is_none")]
     pub size: Option<[usize; 2]>,
     /// The doorway.
     pub doorway: Doorway,
@@ -65,6 +65,13 @@ pub struct Manifest {
     /// Notes for people, such as where the recording comes from.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub notes: String,
+}
+
+/// Reads a size as a calibration's is read, so that both accept the same.
+fn size<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[usize; 2]>, D::Error> {
+    #[derive(Deserialize)]
+    struct Size(#[serde(deserialize_with = "image_size")] [usize; 2]);
+    Ok(Option::<Size>::deserialize(deserializer)?.map(|Size(size)| size))
 }
 
 /// What the images of a recording show.
