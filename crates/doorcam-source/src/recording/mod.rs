@@ -260,10 +260,11 @@ impl Manifest {
         self.transfer = calibration.transfer().clone();
     }
 
-    /// A manifest for images of a calibrated camera.
+    /// A manifest for images of a calibrated camera. A frame rate that no recording may have, as some drivers report, is
+    /// replaced by the nearest one.
     pub fn of_camera(calibration: &Calibration, fps: f64, notes: String) -> Self {
         Self {
-            fps,
+            fps: fps.clamp(*FPS.start(), *FPS.end()),
             layout: Layout::Camera,
             transfer: calibration.transfer().clone(),
             size: Some(calibration.size),

@@ -154,6 +154,16 @@ fn error_of_fov(fov: f64) -> String {
 }
 
 #[test]
+fn whatever_rate_a_driver_reports_its_recording_opens() {
+    let manifest: Manifest = serde_json::from_value(camera_manifest()).unwrap();
+    let calibration = manifest.calibration().unwrap();
+    for (reported, written) in [(90_000.0, 1000.0), (1e-6, 0.01), (29.97, 29.97)] {
+        let manifest = Manifest::of_camera(&calibration, reported, String::new());
+        assert_eq!((manifest.fps, manifest.check()), (written, Ok(())));
+    }
+}
+
+#[test]
 fn many_unknown_keys_are_not_all_kept() {
     let mut manifest = camera_manifest();
     for n in 0..1000 {
