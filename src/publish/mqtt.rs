@@ -192,16 +192,10 @@ impl Session<'_> {
         let Settings { instance, home_assistant, .. } = self.settings;
         let Ok(topic) = std::str::from_utf8(&message.topic) else { return };
         let (now, heard) = (Instant::now(), (topic, &message.payload[..], message.retain));
-        match self.neighbours.hear(heard, (&self.topics, &instance.text, home_assistant), now) {
-            Todo::Nothing => {}
-            Todo::Answer => {
-                let answer = presence(&instance.text, true);
-                self.publish(&self.topics.instance(), QoS::AtLeastOnce, false, answer);
-            }
-            Todo::SayOnline => {
-                self.told.remove(&self.topics.availability());
-                self.introduced = false;
-            }
+        let todo = self.neighbours.hear(heard, (&self.topics, &instance.text, home_assistant), now);
+        if todo == Todo::Answer {
+            let answer = presence(&instance.text, true);
+            self.publish(&self.topics.instance(), QoS::AtLeastOnce, false, answer);
         }
         self.warn(now);
     }
@@ -222,6 +216,10 @@ impl Session<'_> {
         if self.neighbours.should_welcome(now) {
             // Everything again: discovery, and the values that it names.
             self.told.clear();
+            self.introduced = false;
+        }
+        if self.neighbours.should_correct(now) {
+            self.told.remove(&self.topics.availability());
             self.introduced = false;
         }
         if self.neighbours.should_ask(now) {

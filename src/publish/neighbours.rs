@@ -39,8 +39,6 @@ pub(super) enum Todo {
     Nothing,
     /// Tell another doorcam of this id that this one is here.
     Answer,
-    /// Say again that doorcam is online: another one, or an old connection, has said that it is not.
-    SayOnline,
 }
 
 /// What was heard from the broker.
@@ -51,6 +49,9 @@ pub(super) struct Neighbours {
     twin: Option<(String, Instant)>,
     asked: Instant,
     answered: Option<Instant>,
+    /// Whether another one, or an old connection, has said that doorcam is offline.
+    denied: bool,
+    corrected: Option<Instant>,
     /// Whether Home Assistant has started.
     born: bool,
     welcomed: Option<Instant>,
@@ -69,6 +70,8 @@ impl Neighbours {
             twin: None,
             asked: now,
             answered: None,
+            denied: false,
+            corrected: None,
             born: false,
             welcomed: None,
             left: BTreeSet::new(),
@@ -110,7 +113,8 @@ impl Neighbours {
             return Todo::Answer;
         }
         if topic == topics.availability() {
-            return if is_retained || payload == b"online" { Todo::Nothing } else { Todo::SayOnline };
+            self.denied |= !is_retained && payload != b"online";
+            return Todo::Nothing;
         }
         if !home_assistant.is_empty() && topic.strip_suffix("/status") == Some(home_assistant) {
             self.born |= payload == b"online";
@@ -140,11 +144,12 @@ impl Neighbours {
 
     /// Whether Home Assistant has started and must be told everything again.
     pub(super) fn should_welcome(&mut self, now: Instant) -> bool {
-        let due = self.born && self.welcomed.is_none_or(|at| now.saturating_duration_since(at) >= PAUSE);
-        if due {
-            (self.born, self.welcomed) = (false, Some(now));
-        }
-        due
+        due(&mut self.born, &mut self.welcomed, now)
+    }
+
+    /// Whether to say again that doorcam is online.
+    pub(super) fn should_correct(&mut self, now: Instant) -> bool {
+        due(&mut self.denied, &mut self.corrected, now)
     }
 
     /// The topics that earlier runs left behind, once it is known that they are nobody else's.
@@ -160,6 +165,15 @@ impl Neighbours {
     pub(super) fn cleared(&mut self, topic: &str) {
         self.left.remove(topic);
     }
+}
+
+/// Whether something wanted is to be done now, and was not done just before.
+fn due(wanted: &mut bool, last: &mut Option<Instant>, now: Instant) -> bool {
+    let due = *wanted && last.is_none_or(|at| now.saturating_duration_since(at) >= PAUSE);
+    if due {
+        (*wanted, *last) = (false, Some(now));
+    }
+    due
 }
 
 /// What to publish when a connection is made, or as an answer.
@@ -264,10 +278,16 @@ mod tests {
 
     #[test]
     fn who_is_online_says_so_when_somebody_says_otherwise() {
-        let mut neighbours = started(Instant::now());
-        let mut say =
-            |payload, retained| hear(&mut neighbours, "doorcam/hall/availability", payload, retained, Instant::now());
-        assert_eq!(say("offline", true), Todo::Nothing, "of before this connection");
-        assert_eq!((say("online", false), say("offline", false)), (Todo::Nothing, Todo::SayOnline));
+        let start = Instant::now();
+        let mut neighbours = started(start);
+        let mut corrects = |payload, retained, now| {
+            hear(&mut neighbours, "doorcam/hall/availability", payload, retained, now);
+            neighbours.should_correct(now)
+        };
+        assert!(!corrects("offline", true, start), "of before this connection");
+        assert!(!corrects("online", false, start));
+        assert!(corrects("offline", false, start));
+        assert!(!corrects("offline", false, start), "not as often as anybody likes");
+        assert!(corrects("online", false, start + PAUSE), "but not forgotten");
     }
 }
