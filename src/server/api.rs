@@ -248,6 +248,6 @@ pub(super) async fn prometheus(State(shared): State<Shared>) -> Response {
     let kind = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
     let mut text = shared.metrics.as_ref().map(PrometheusHandle::render).unwrap_or_default();
     // Not by way of the recorder: whether doorcam is watching changes with time alone, and is one answer.
-    text.push_str(&shared.hub.watching().exposition());
+    text.push_str(&shared.hub.exposition());
     (kind, text).into_response()
 }

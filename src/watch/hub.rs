@@ -16,7 +16,7 @@ use crate::watch::tap::Tap;
 use crate::watch::watching::{Observed, Watching};
 use crate::watch::{TrackHistory, ZoneIds};
 use doorcam_core::solver::ModelKind;
-use doorcam_core::tracking::{Event, Zone};
+use doorcam_core::tracking::{Event, TrackState, Zone};
 use doorcam_engine::{BackgroundReport, Published, State, Update, Watched};
 use doorcam_source::recorder::RecordingStatus;
 use doorcam_source::{Condition, Granted, RawFrame, RawImages, SkippedFrame, SourceState};
@@ -254,6 +254,13 @@ impl Hub {
     /// Whether doorcam is watching now, and if not, why: the one answer for everybody who asks.
     pub fn watching(&self) -> Watching {
         lock(&self.counters).observed.watching(Instant::now())
+    }
+
+    /// Whether doorcam is watching, and the number of people, for `/metrics`.
+    pub fn exposition(&self) -> String {
+        let latest = self.latest();
+        let tracks = latest.iter().flat_map(|latest| &latest.update.tracks);
+        self.watching().exposition(tracks.filter(|track| track.state != TrackState::Tentative).count())
     }
 
     /// Whether the map can be trusted.

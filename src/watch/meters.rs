@@ -4,7 +4,6 @@ use metrics::{
     Counter, Gauge, Histogram, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram,
 };
 
-use doorcam_core::tracking::TrackState;
 use doorcam_engine::{SolutionReport, Timing, Update};
 use doorcam_source::SourceState;
 
@@ -20,7 +19,6 @@ pub(super) struct Meters {
     stages: [Histogram; 7],
     background_age: Gauge,
     gap: Gauge,
-    people: Gauge,
 }
 
 const SOURCE_STATES: [(SourceState, &str); 7] = [
@@ -52,7 +50,6 @@ impl Meters {
         );
         describe_gauge!("doorcam_solution_gap", "Relative gap between the newest map's objective and its lower bound");
         describe_gauge!("doorcam_clients", "Clients of the live socket");
-        describe_gauge!("doorcam_people", "People being tracked, confirmed or coasting");
         let meters = Self {
             captured: counter!("doorcam_frames_captured_total"),
             solved: counter!("doorcam_frames_solved_total"),
@@ -64,7 +61,6 @@ impl Meters {
             stages: STAGES.map(|stage| histogram!("doorcam_stage_seconds", "stage" => stage)),
             background_age: gauge!("doorcam_background_age_seconds"),
             gap: gauge!("doorcam_solution_gap"),
-            people: gauge!("doorcam_people"),
         };
         // A counter that has never been incremented should be reported as 0, not be absent.
         for counter in
@@ -90,7 +86,5 @@ impl Meters {
         self.background_age.set(update.background.and_then(|background| background.age_s).unwrap_or(f64::NAN));
         let SolutionReport { objective, bound, .. } = update.solution;
         self.gap.set(if objective > 0.0 { (objective - bound) / objective } else { 0.0 });
-        let people = update.tracks.iter().filter(|track| track.state != TrackState::Tentative);
-        self.people.set(people.count() as f64);
     }
 }

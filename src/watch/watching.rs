@@ -85,9 +85,9 @@ pub struct Watching {
 }
 
 impl Watching {
-    /// The gauges of this for `/metrics`, in the text format of Prometheus. They are all of one moment, so that exactly
-    /// one state is 1 however many ask at once.
-    pub fn exposition(&self) -> String {
+    /// The gauges of this and of the number of `people` for `/metrics`, in the text format of Prometheus. They are all of
+    /// one moment, so that exactly one state is 1 however many ask at once.
+    pub(super) fn exposition(&self, people: usize) -> String {
         let mut text = String::from("# HELP doorcam_state 1 for the state of the map\n# TYPE doorcam_state gauge\n");
         for state in [State::Learning, State::Watching, State::Relearning, State::Stale] {
             // Writing to a string cannot fail.
@@ -97,8 +97,11 @@ impl Watching {
         let _ = write!(
             text,
             "\n# HELP doorcam_watching 1 while the map and its people are those of now\n# TYPE doorcam_watching gauge\n\
-             doorcam_watching {}\n\n",
-            u8::from(self.watching)
+             doorcam_watching {}\n\n\
+             # HELP doorcam_people People being tracked, confirmed or coasting; NaN while not watching\n\
+             # TYPE doorcam_people gauge\ndoorcam_people {}\n\n",
+            u8::from(self.watching),
+            if self.watching { people as f64 } else { f64::NAN }
         );
         text
     }
@@ -358,8 +361,9 @@ mod tests {
     fn exactly_one_state_is_1() {
         let mut run = Run::new(true);
         run.update(1.0, State::Watching);
-        for (seconds, state, watching) in [(1.5, "watching", 1), (9.0, "stale", 0)] {
-            let text = run.observed.watching(run.at(seconds).0).exposition();
+        for (seconds, state, watching, people) in [(1.5, "watching", 1, "2"), (9.0, "stale", 0, "NaN")] {
+            let text = run.observed.watching(run.at(seconds).0).exposition(2);
+            assert!(text.contains(&format!("\ndoorcam_people {people}\n")), "{text}");
             let ones: Vec<&str> =
                 text.lines().filter(|l| l.starts_with("doorcam_state{") && l.ends_with(" 1")).collect();
             assert_eq!(ones, [format!("doorcam_state{{state=\"{state}\"}} 1")]);

@@ -44,6 +44,7 @@ fn agreed(daemon: &Daemon) -> Value {
         }
         assert_eq!(metrics.matches("doorcam_state{").count(), STATES.len(), "{metrics}");
         assert!(metrics.contains(&format!("\ndoorcam_watching {}\n", u8::from(watching))), "{metrics}");
+        assert_eq!(metrics.contains("\ndoorcam_people NaN\n"), !watching, "{metrics}");
         assert_eq!((&tracks["state"], &zones["state"]), (&before["state"], &before["state"]));
         if reconstruction.0 == 200 {
             let update: Value = serde_json::from_slice(&reconstruction.1).unwrap();
