@@ -72,3 +72,29 @@ fn a_broken_file_is_put_aside_and_a_newer_one_left_alone() {
     let error = Store::open_or_replace(&file).unwrap_err().to_string();
     assert_eq!(error, format!("{}: made by a newer doorcam", file.display()));
 }
+
+#[test]
+fn what_is_no_file_is_refused_at_once() {
+    let directory = tempfile::tempdir().unwrap();
+    let pipe = directory.path().join("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for path in [directory.path(), &pipe, Path::new("/dev/null")] {
+        let error = Store::open(path).unwrap_err().to_string();
+        assert_eq!(error, format!("{}: not a regular file", path.display()));
+    }
+    // Nor does a pipe in place of the lock make it wait.
+    let file = directory.path().join("history.sqlite");
+    assert!(std::process::Command::new("mkfifo").arg(beside(&file, "-lock")).status().unwrap().success());
+    Store::open(&file).unwrap();
+}
+
+#[test]
+fn two_broken_files_of_one_second_are_both_kept() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a");
+    assert_eq!(free_name(&path), path);
+    for name in ["a-2", "a-3"] {
+        fs::write(free_name(&path), "").unwrap();
+        assert_eq!(free_name(&path), directory.path().join(name));
+    }
+}
