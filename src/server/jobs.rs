@@ -150,7 +150,7 @@ mod tests {
     async fn a_panic_frees_its_place() {
         let jobs = Jobs::new(Duration::from_secs(60));
         for _ in 0..3 {
-            let failed = jobs.run(Kind::Drawing, || panic!("as the test wants")).await.map(|()| ()).unwrap_err();
+            let failed = jobs.run(Kind::Drawing, || panic!("as the test wants")).await.unwrap_err();
             assert_eq!(failed.into_response().status(), StatusCode::INTERNAL_SERVER_ERROR);
         }
         assert_eq!(jobs.run(Kind::Drawing, || 7).await.unwrap(), 7);

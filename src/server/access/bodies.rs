@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use axum::body::{Body, BodyDataStream, Bytes, HttpBody};
 use axum::extract::{Request, State};
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderValue, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use futures_util::{StreamExt, TryStreamExt};
@@ -109,22 +109,48 @@ impl Budget {
             return Err(Refused::TooLong);
         }
         let permit = self.take(room).await?;
-        let bytes = timeout(BODY_TIME, collect(body, room)).await.map_err(|_| Refused::TooSlow)??;
-        Ok((bytes, permit))
+        Ok((collect(body, room).await?, permit))
     }
 }
 
-/// Collects a body in one block of memory. The parts that arrive are small and are freed at once, and a large block is
+/// Collects a body of at most `room` bytes in one block of memory. The parts that arrive are small and are freed at once, and a large block is
 /// mapped by itself and returned to the system when it is freed (see src/cli/memory.rs): nothing of a burst stays.
 async fn collect(body: &mut BodyDataStream, room: usize) -> Result<Bytes, Refused> {
     let mut bytes = Vec::with_capacity(room);
-    while let Some(part) = body.try_next().await.map_err(|_| Refused::CutOff)? {
-        if part.len() > room - bytes.len() {
-            return Err(Refused::TooLong);
+    let arriving = async {
+        while let Some(part) = body.try_next().await.map_err(|_| Refused::CutOff)? {
+            if part.len() > room - bytes.len() {
+                return Err(Refused::TooLong);
+            }
+            bytes.extend_from_slice(&part);
         }
-        bytes.extend_from_slice(&part);
-    }
+        Ok(())
+    };
+    timeout(BODY_TIME, arriving).await.map_err(|_| Refused::TooSlow)??;
     Ok(bytes.into())
+}
+
+/// Reads small bodies before anything can be refused. A refusal would leave them unread, so the connection would have to
+/// be closed, and a proxy that has just put its next request on it would answer that with an error of its own. Where
+/// more than that is refused, the answer says that the connection ends.
+pub(super) async fn settle(request: Request, next: Next) -> Response {
+    let (head, body) = request.into_parts();
+    let length = HttpBody::size_hint(&body).exact().and_then(|length| usize::try_from(length).ok());
+    let body = match length {
+        Some(0) => body,
+        Some(room) if room <= SMALL => match collect(&mut body.into_data_stream(), room).await {
+            Ok(bytes) => Body::from(bytes),
+            Err(refused) => return refused.problem(room).into_response(),
+        },
+        _ => {
+            let mut response = next.run(Request::from_parts(head, body)).await;
+            if response.status().is_client_error() || response.status().is_server_error() {
+                response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+            }
+            return response;
+        }
+    };
+    next.run(Request::from_parts(head, body)).await
 }
 
 /// Reads the whole body before the route runs, so that a large or slow one cannot hold it up.

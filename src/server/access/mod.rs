@@ -219,7 +219,8 @@ pub(super) fn layers(router: Router, access: Arc<Access>) -> Router {
     if let Some(cors) = origins::cors(&access.origins) {
         router = router.layer(cors);
     }
-    headers::layers(router.layer(middleware::from_fn_with_state(state(), hosts::check)), access.tls)
+    router = router.layer(middleware::from_fn_with_state(state(), hosts::check));
+    headers::layers(router.layer(middleware::from_fn(bodies::settle)), access.tls)
 }
 
 fn is_loopback(address: SocketAddr) -> bool {

@@ -111,6 +111,8 @@ fn settled_kb(id: u32) -> u64 {
 fn many_large_bodies_are_answered_and_leave_no_memory_behind() {
     let doorcam = Guarded::start(&[]);
     let (address, id) = (doorcam.address(), doorcam.daemon.id());
+    // Setting up takes memory of its own.
+    doorcam.daemon.wait_for("a map", |s| s["state"] == "watching");
     let routes = [
         ("PUT", "/api/v1/zones"),
         ("PUT", "/api/v1/calibration"),
@@ -153,6 +155,24 @@ fn many_large_bodies_are_answered_and_leave_no_memory_behind() {
     while resident_kb(id) > before_kb + 10 * 1024 {
         assert!(Instant::now() < deadline, "{before_kb} kB before, {} kB after", resident_kb(id));
         std::thread::sleep(Duration::from_millis(200));
+    }
+}
+
+#[test]
+fn a_refusal_leaves_its_connection_usable_or_says_that_it_ends() {
+    let doorcam = Guarded::start(&[]);
+    let foreign = "POST /api/v1/background/reset HTTP/1.1\r\nHost: localhost\r\nOrigin: http://evil.example\r\n";
+    let mut stream = connect(doorcam.address());
+    stream.write_all(format!("{foreign}Content-Length: 2\r\n\r\n").as_bytes()).unwrap();
+    // Long enough for a server that would refuse without the body.
+    std::thread::sleep(Duration::from_millis(100));
+    stream.write_all(b"{}GET /livez HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
+    let mut both = String::new();
+    stream.read_to_string(&mut both).unwrap();
+    assert!(both.starts_with("HTTP/1.1 403 ") && both.ends_with("alive\n"), "{both}");
+    for body in ["Content-Length: 100000\r\n\r\n{", "Transfer-Encoding: chunked\r\n\r\n1\r\n{\r\n"] {
+        let refused = exchange(doorcam.address(), &format!("{foreign}{body}"));
+        assert_eq!((refused.status, refused.header("connection")), (403, Some("close")), "{body}");
     }
 }
 
