@@ -79,7 +79,7 @@ fn what_is_wrong_is_said_in_one_line_that_names_file_and_key() {
     );
     assert_eq!(
         with("\"linear\"", "{\"gamma\": -2.2}"),
-        "DIR/recording.json: transfer.gamma is -2.2, expected a number above 0"
+        "DIR/recording.json: transfer.gamma is -2.2, expected 0.1 to 10"
     );
     assert_eq!(
         with("\"linear\"", "\"rec709\""),

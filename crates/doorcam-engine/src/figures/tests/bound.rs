@@ -71,7 +71,10 @@ proptest! {
         let regions = vec![Region { angles, widths: [values[2], values[3]] }];
         let samples = vec![values[4..].to_vec()];
         let text = svg(&[panel("a", &Side::BOTH, true, regions, samples)], Some([values[4], values[5]]));
-        prop_assert!(!text.contains("NaN") && !text.contains("inf"));
+        // Encoded images may have any letters.
+        let images = text.split("base64,").skip(1).filter_map(|rest| rest.split('"').next());
+        let numbers = images.fold(text.clone(), |text, image| text.replace(image, ""));
+        prop_assert!(!numbers.contains("NaN") && !numbers.contains("inf"));
         prop_assert!(png(&text, 300).is_ok());
     }
 }
