@@ -92,7 +92,7 @@ fn distort(value: &mut Value, random: &mut ChaCha8Rng) {
             _ => {
                 let path = &numbers[random.next_u32() as usize % numbers.len()];
                 let extreme = one_of(random, &EXTREME);
-                let whole = extreme.fract() == 0.0 && extreme.abs() < 1e15 && random.next_u32() % 2 == 0;
+                let whole = extreme.fract() == 0.0 && extreme.abs() < 1e15 && random.next_u32().is_multiple_of(2);
                 *value.pointer_mut(path).unwrap() = if whole { json!(extreme as i64) } else { json!(extreme) };
             }
         }
