@@ -83,6 +83,7 @@ export function check({ size, doorway, floor_points }) {
   }
   return {
     ok: errors.length === 0,
+    warnings: [],
     errors,
     points,
     error: { rms_px: rms("residual_px"), rms_mm: rms("residual_mm"), noise_px, floor_mm: 1.6 * (noise_px ?? 1) + 0.2, angle_deg: 0.4 * (noise_px ?? 1) },
