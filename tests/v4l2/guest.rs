@@ -219,11 +219,11 @@ pub fn measured(what: &str) {
     println!("measured: {what}");
 }
 
-/// Retries a failed check twice. A busy host can freeze the virtual machine for longer than a frame takes, and then the
+/// Retries a failed check some times. A busy host can freeze the virtual machine for longer than a frame takes, and then the
 /// driver itself drops frames.
 pub fn unless_frozen(mut attempt: impl FnMut() -> Result<(), String>) {
     let mut failures = Vec::new();
-    while failures.len() < 3 {
+    while failures.len() < 8 {
         match attempt() {
             Ok(()) => return,
             Err(failure) => {
@@ -232,7 +232,7 @@ pub fn unless_frozen(mut attempt: impl FnMut() -> Result<(), String>) {
             }
         }
     }
-    panic!("failed three times: {failures:?}");
+    panic!("failed each time: {failures:?}");
 }
 
 /// Copies a recording to the host, which is much faster.

@@ -35,7 +35,7 @@ fn cameras_in_a_virtual_machine() {
     let start = Instant::now();
     let seconds = || start.elapsed().as_secs_f64();
     let mut child = Command::new(&tool)
-        .args(["--time", "900", "--out"])
+        .args(["--time", "2700", "--out"])
         .arg(handed_out.path())
         .arg(std::env::current_exe().unwrap())
         .args(["--ignored", "--test-threads=1", "--nocapture", &only])

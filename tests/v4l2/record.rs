@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use doorcam_source::recording::{Files, Recording};
+use doorcam_source::recording::{Entry, Files, Recording};
 
 use crate::common::{doorcam, run, stderr};
 use crate::guest::{SMALL, Webcam, calibration, configured, hand_out, measured, only_inside, unless_frozen, vivid_is};
@@ -23,13 +23,15 @@ pub fn reconstruct_what_was_recorded(recordings: &Path) {
     for (name, broken) in [("vivid", 0), ("webcam", 1)] {
         let path = recordings.join(name);
         let recording = Recording::open(&path).unwrap();
-        let watched = recording.frames.len() - recording.manifest.background_frames.unwrap()[1] as usize;
+        let watched = &recording.frames[recording.manifest.background_frames.unwrap()[1] as usize..];
+        let skipped = missing(watched) + broken;
         let output = run(&["reconstruct", path.to_str().unwrap()]);
         let said = stderr(&output);
         assert_eq!(output.status.code(), Some(0), "{said}");
         let solved = String::from_utf8(output.stdout).unwrap().lines().count();
-        assert_eq!(solved, watched - broken, "{name}: {said}");
-        assert_eq!(said.contains("1 frames skipped") && said.contains("broken JPEG"), broken == 1, "{said}");
+        assert_eq!(solved, watched.len() - skipped, "{name}: {said}");
+        assert_eq!(said.contains("broken JPEG"), broken == 1, "{said}");
+        assert!(skipped == 0 || said.contains("frames skipped"), "{said}");
     }
 }
 
@@ -59,23 +61,33 @@ fn last_line(output: &Output) -> String {
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn guest_record_a_camera_without_loss() {
+fn guest_record_every_frame_of_a_camera_or_count_it() {
     only_inside!();
-    unless_frozen(|| {
-        let dir = tempfile::tempdir().unwrap();
-        let out = dir.path().join("vivid");
-        let (mut command, _kept) = recorder("v4l2:/dev/video0", SMALL, [320, 180], &out, &["--seconds", "6"]);
-        lossless(&command.output().unwrap())?;
-        let recording = Recording::open(&out).unwrap();
-        let frames = recording.frames.len();
-        assert!((59..=61).contains(&frames), "{frames}");
-        assert_eq!(recording.manifest.size, Some([320, 180]));
-        let [first, end] = recording.manifest.background_frames.unwrap();
-        assert!(first == 0 && (19..=21).contains(&end), "{end}");
-        assert!(recording.frames.windows(2).all(|w| (w[1].seconds - w[0].seconds - 0.1).abs() < 0.09));
-        hand_out(&out);
-        Ok(())
-    });
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("vivid");
+    let (mut command, _kept) = recorder("v4l2:/dev/video0", SMALL, [320, 180], &out, &["--seconds", "6"]);
+    let output = command.output().unwrap();
+    let summary = last_line(&output);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(summary.contains("0 skipped, 0 too fast for the disk"), "{summary}");
+    // A busy host may freeze the virtual machine for longer than a frame takes; the driver then drops frames.
+    let (_, lost) = summary.split_once("; ").unwrap();
+    let lost: usize = lost.split(' ').next().unwrap().parse().unwrap();
+    let recording = Recording::open(&out).unwrap();
+    let (frames, missing) = (recording.frames.len(), missing(&recording.frames));
+    // Frames that are lost at the very end have no entry.
+    assert!(missing <= lost && frames <= 61 && frames + lost - missing >= 58, "{frames} {missing}: {summary}");
+    assert_eq!(recording.manifest.size, Some([320, 180]));
+    let [first, end] = recording.manifest.background_frames.unwrap();
+    assert!(first == 0 && (19..=21).contains(&end) || lost > 0, "{end}");
+    let apart = |w: &[Entry]| w[1].seconds - w[0].seconds;
+    assert!(recording.frames.windows(2).all(|w| (apart(w) - 0.1).abs() < 0.09 || lost > 0 && apart(w) > 0.0));
+    measured(&summary);
+    hand_out(&out);
+}
+
+fn missing(frames: &[Entry]) -> usize {
+    frames.iter().filter(|entry| matches!(entry.files, Files::Missing(_))).count()
 }
 
 #[test]

@@ -136,14 +136,27 @@ fn guest_webcam_frame_cut_short_is_one_skipped_frame() {
     assert_eq!(code, 200, "{answer}");
     watching.daemon.wait_for("updates", |s| s["calibrated"] == true && s["frames"]["solved"].as_u64().unwrap() > 3);
     assert_eq!(watching.count("skipped"), 0);
-    webcam.cut_a_frame();
-    let status = watching.daemon.wait_for("a skipped frame", |s| s["frames"]["skipped"] != 0);
+    // On a busy host, the frame that was cut may be replaced by a newer one before anybody looks at it.
+    let mut cut = 0;
+    let status = loop {
+        webcam.cut_a_frame();
+        cut += 1;
+        let captured = watching.count("captured");
+        let status = watching.daemon.wait_for("later frames", |s| {
+            s["frames"]["skipped"] != 0 || s["frames"]["captured"].as_u64().unwrap() > captured + 20
+        });
+        if status["frames"]["skipped"] != 0 {
+            break status;
+        }
+        assert!(status["frames"]["dropped"].as_u64().unwrap() >= cut, "{cut} frames were cut: {status}");
+    };
     let why = status["frames"]["last_skipped"].as_str().unwrap();
     assert!(why.starts_with(&webcam.node) && why.contains("broken JPEG"), "{why}");
     let solved = watching.count("solved");
     watching.daemon.wait_for("updates again", |s| s["frames"]["solved"].as_u64().unwrap() > solved + 5);
     let status = watching.status();
-    assert_eq!((&status["frames"]["skipped"], &status["frames"]["lost"]), (&1.into(), &0.into()), "{status}");
+    let skipped = status["frames"]["skipped"].as_u64().unwrap();
+    assert!((1..=cut).contains(&skipped), "{cut} frames were cut: {status}");
     assert_eq!(status["source"]["state"], "streaming");
     measured(&format!("truncated JPEG: {why}; {} frames per second solved", status["rate_hz"]["solved"]));
     drop(watching);
