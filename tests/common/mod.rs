@@ -146,7 +146,7 @@ impl Daemon {
 
     /// Waits until the log contains a text. The log comes through a pipe and may arrive after the answer it belongs to.
     pub fn wait_for_log(&self, said: &str) {
-        let deadline = Instant::now() + Duration::from_secs(60);
+        let deadline = Instant::now() + Duration::from_secs(600);
         while !self.log().contains(said) {
             assert!(Instant::now() < deadline, "waited in vain for \"{said}\" in the log: {}", self.log());
             std::thread::sleep(Duration::from_millis(20));
@@ -204,7 +204,7 @@ impl Daemon {
     /// Polls the status until it is as wanted.
     pub fn wait_for(&self, what: &str, wanted: impl Fn(&serde_json::Value) -> bool) -> serde_json::Value {
         // Catches hangs, not slowness: a busy machine renders only a few frames per second.
-        let deadline = Instant::now() + Duration::from_secs(180);
+        let deadline = Instant::now() + Duration::from_secs(900);
         loop {
             let status = self.json("/api/v1/status");
             if wanted(&status) {
@@ -218,7 +218,7 @@ impl Daemon {
     /// Polls the newest update until one is as wanted. Everything in one update is of the same moment, unlike a status
     /// and an update requested one after the other.
     pub fn wait_for_update(&self, what: &str, wanted: impl Fn(&serde_json::Value) -> bool) -> serde_json::Value {
-        let deadline = Instant::now() + Duration::from_secs(180);
+        let deadline = Instant::now() + Duration::from_secs(900);
         loop {
             let (status, body) = self.get("/api/v1/reconstruction");
             let update: serde_json::Value = serde_json::from_slice(&body).unwrap_or_default();

@@ -36,7 +36,7 @@ pub fn reconstruct_what_was_recorded(recordings: &Path) {
 }
 
 fn wait_for_file(file: &Path) {
-    let deadline = Instant::now() + Duration::from_secs(60);
+    let deadline = Instant::now() + Duration::from_secs(600);
     while !file.exists() {
         assert!(Instant::now() < deadline, "waited in vain for {}", file.display());
         std::thread::sleep(Duration::from_millis(20));
