@@ -182,9 +182,6 @@ impl Calibrator {
     }
 
     async fn ask(&self, to: To, only_if: Precondition) -> Result<(), CalibrationRefused> {
-        if let Keeping::Fixed(reason) = &self.shared.keeping {
-            return Err(CalibrationRefused::Fixed(reason.clone()));
-        }
         let (tell, told) = oneshot::channel();
         let superseded = self.shared.hand_over(|waiting| waiting.change.replace((Change { to, only_if }, tell)));
         if let Some((_, before)) = superseded {
@@ -201,9 +198,6 @@ impl Calibrator {
     /// # Errors
     /// If it may not be changed, does not fit the calibration, or the source has ended.
     pub fn reconfigure(&self, config: &Config) -> Result<(), CalibrationRefused> {
-        if let Keeping::Fixed(reason) = &self.shared.keeping {
-            return Err(CalibrationRefused::Fixed(reason.clone()));
-        }
         let (tell, told) = oneshot::channel();
         let settings = Box::new(config.settings());
         let superseded = self.shared.hand_over(|waiting| waiting.settings.replace((settings, tell)));
@@ -256,7 +250,7 @@ impl Shared {
     }
 
     fn make(&self, Change { to, only_if }: Change) -> Result<(), CalibrationRefused> {
-        let Keeping::File(store) = &self.keeping else { return Err(CalibrationRefused::NoPrevious) };
+        let store = self.store()?;
         if !only_if(&self.report()) {
             return Err(CalibrationRefused::Stale);
         }
@@ -271,11 +265,20 @@ impl Shared {
     }
 
     fn use_settings(&self, settings: Settings) -> Result<(), CalibrationRefused> {
+        self.store()?;
         let (assembly, revision) = self.next();
         let assembly = assembly.with(settings);
         let calibration = self.state().calibration.clone();
         let engine = calibration.as_ref().map(|c| self.engine(&assembly, c, revision)).transpose()?;
         self.go_on_with(assembly, calibration, engine)
+    }
+
+    /// Where the calibration is kept, if it may be changed.
+    fn store(&self) -> Result<&CalibrationStore, CalibrationRefused> {
+        match &self.keeping {
+            Keeping::File(store) => Ok(store),
+            Keeping::Fixed(reason) => Err(CalibrationRefused::Fixed(reason.clone())),
+        }
     }
 
     /// The assembly in use, and the next calibration's revision.

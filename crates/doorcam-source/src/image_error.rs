@@ -1,5 +1,7 @@
 //! Why bytes are not an image, for all decoders.
 
+use doorcam_core::image::MOST_PIXELS;
+
 use super::sensor::SensorPixels;
 
 /// Why bytes are not an image, or an image cannot be encoded.
@@ -50,10 +52,8 @@ pub enum ImageError {
     Encode(usize, usize),
 }
 
-/// Pixels of the largest image that is decoded: 8K. A file of a few hundred bytes may claim any size.
-pub(crate) const MOST_PIXELS: usize = 7680 * 4320;
-
-/// An error if the sizes (width, height) differ, or if the image is too large to decode.
+/// An error if the sizes (width, height) differ, or if the image is too large to decode: a file of a few hundred bytes
+/// may claim any size.
 pub(crate) fn check_size(got: (usize, usize), expected: Option<(usize, usize)>) -> Result<(), ImageError> {
     match expected {
         Some(expected) if got != expected => Err(ImageError::WrongSize { got, expected }),

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 use crate::geometry::Point;
 
 /// Largest number of floor points accepted. Nobody marks that many by hand.
-pub(super) const MOST_POINTS: usize = 64;
+pub const MOST_POINTS: usize = 64;
 
 /// Why floor points do not determine the floor. Points are counted from 1.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -18,7 +18,7 @@ pub use check::{Check, PatchCoverage, PointErrors, PointResidual};
 pub use fit::{ASSUMED_NOISE_PX, FloorFit};
 pub use footprint::PatchSight;
 pub(crate) use footprint::{Footprint, footprints};
-pub use homography::{Homography, HomographyError};
+pub use homography::{Homography, HomographyError, MOST_POINTS};
 pub use lens::{LensError, LensMap};
 pub use overlay::{Outlines, Overlay};
 pub use values::{Calibration, CalibrationError, image_size};

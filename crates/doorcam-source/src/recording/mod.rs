@@ -11,15 +11,13 @@ use super::{Purpose, SourceError};
 use crate::bounded::bounded;
 use crate::files::{self, FileKind};
 use crate::orientation::Orientation;
-use doorcam_core::calibration::{Calibration, image_size};
+use doorcam_core::calibration::{Calibration, MOST_POINTS, image_size};
 use doorcam_core::geometry::Doorway;
+use doorcam_core::image::MOST_PIXELS;
 use doorcam_core::optics::{FloorPoint, Lens, Transfer};
 
 pub(crate) use listing::MOST_FRAMES;
 pub(crate) use timeline::{brief, median, other_unit};
-
-/// Most floor points. A floor needs four, and more than a few dozen tell no more.
-const MOST_POINTS: usize = 1000;
 
 /// Frame rates that are believed, in frames a second: from one in a hundred seconds to what no webcam reaches.
 const FPS: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
@@ -314,14 +312,10 @@ impl Manifest {
         if self.size.is_some_and(|[w, h]| w == 0 || h == 0) {
             return Err("size has a zero, expected [width, height] in pixels".into());
         }
-        if let Some([w, h]) = self.size.filter(|[w, h]| w.saturating_mul(*h) > crate::image_error::MOST_PIXELS) {
+        if let Some([w, h]) = self.size.filter(|[w, h]| w.saturating_mul(*h) > MOST_PIXELS) {
             return Err(format!(
                 "size is [{w}, {h}], expected [width, height] of at most as many pixels as 7680 x 4320"
             ));
-        }
-        if self.floor_points.len() > MOST_POINTS {
-            let count = self.floor_points.len();
-            return Err(format!("floor_points has {count} points, expected at most {MOST_POINTS}"));
         }
         match self.layout {
             Layout::Patches => match self.fov_m {

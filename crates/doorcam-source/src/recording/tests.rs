@@ -142,7 +142,7 @@ fn extreme_values_and_counts_are_refused_by_key_and_limit() {
     assert!(with("transfer", serde_json::json!({ "curve": curve })).starts_with("transfer.curve has 100000 values"));
     let point = camera_manifest()["floor_points"][0].clone();
     let error = with("floor_points", vec![point; 100_000].into());
-    assert!(error.starts_with("floor_points: more than 1000 values, expected at most 1000"), "{error}");
+    assert!(error.starts_with("floor_points: more than 64 values, expected at most 64"), "{error}");
     let patches = |fov: f64| error_of_fov(fov);
     for fov in [1e308, 1e-308, 100.5] {
         assert!(patches(fov).ends_with("expected 0.01 to 100 metres"), "{fov}");
