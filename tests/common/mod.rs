@@ -2,6 +2,7 @@
 // Each test file uses only a part of it.
 #![allow(dead_code)]
 
+pub mod memory;
 #[path = "../reference/mod.rs"]
 mod reference;
 

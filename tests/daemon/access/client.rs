@@ -145,13 +145,6 @@ pub fn live(address: SocketAddr, headers: &[(&'static str, &str)]) -> tungstenit
     tungstenite::client(request, connect(address)).expect("upgrades").0
 }
 
-/// The memory of a process that is in use, in kB.
-pub fn resident_kb(id: u32) -> u64 {
-    let status = std::fs::read_to_string(format!("/proc/{id}/status")).expect("it runs");
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("memory");
-    line.trim().trim_end_matches(" kB").parse().expect("a number")
-}
-
 pub fn connect(address: SocketAddr) -> TcpStream {
     let stream = TcpStream::connect(address).expect("connects");
     stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();

@@ -5,7 +5,8 @@ use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use super::client::{Answer, Guarded, answer, connect, exchange, resident_kb};
+use super::client::{Answer, Guarded, answer, connect, exchange};
+use crate::common::memory::{resident_kb, settled_kb};
 
 #[test]
 fn who_sends_slowly_or_nothing_is_cut_off_and_others_are_served_meanwhile() {
@@ -93,26 +94,10 @@ fn send_spaces(address: SocketAddr, method: &str, path: &str, body: &str, chunke
     answer(&mut stream).expect("an answer")
 }
 
-/// Resident memory once it no longer grows: what the map needs is set up beside the frames, and takes more than bodies.
-fn settled_kb(id: u32) -> u64 {
-    let deadline = Instant::now() + Duration::from_secs(180);
-    let (mut last_kb, mut still) = (resident_kb(id), 0);
-    while still < 20 {
-        assert!(Instant::now() < deadline, "it grows on and on");
-        std::thread::sleep(Duration::from_millis(100));
-        let now_kb = resident_kb(id);
-        still = if now_kb.abs_diff(last_kb) < 1024 { still + 1 } else { 0 };
-        last_kb = now_kb;
-    }
-    last_kb
-}
-
 #[test]
 fn many_large_bodies_are_answered_and_leave_no_memory_behind() {
     let doorcam = Guarded::start(&[]);
     let (address, id) = (doorcam.address(), doorcam.daemon.id());
-    // Setting up takes memory of its own.
-    doorcam.daemon.wait_for("a map", |s| s["state"] == "watching");
     let routes = [
         ("PUT", "/api/v1/zones"),
         ("PUT", "/api/v1/calibration"),
@@ -123,7 +108,7 @@ fn many_large_bodies_are_answered_and_leave_no_memory_behind() {
     for (method, path) in routes {
         send_spaces(address, method, path, &body, false);
     }
-    let before_kb = settled_kb(id);
+    let before_kb = settled_kb(&doorcam.daemon);
     let (most_kb, over) = (AtomicU64::new(0), AtomicBool::new(false));
     std::thread::scope(|scope| {
         scope.spawn(|| {
