@@ -302,6 +302,9 @@ pub(super) fn read_event(row: &Row<'_>) -> rusqlite::Result<Event> {
         x_m: row.get::<_, Option<f64>>(4)?.unwrap_or(f64::NAN),
         y_m: row.get::<_, Option<f64>>(5)?.unwrap_or(f64::NAN),
         zone: row.get(6)?,
+        through: None,
+        reason: None,
+        speed_m_s: None,
     })
 }
 

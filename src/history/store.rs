@@ -277,7 +277,7 @@ impl Store {
                 "INSERT INTO events (sequence, kind, time_ns, track, x_m, y_m, zone) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)
                  ON CONFLICT DO NOTHING",
             )?;
-            for Event { sequence, kind, time, track, x_m, y_m, zone } in events {
+            for Event { sequence, kind, time, track, x_m, y_m, zone, .. } in events {
                 let (sequence, track) = (integer(*sequence), integer(*track));
                 let time = nanoseconds(*time);
                 insert.execute(params![sequence, kind.name(), time, track, x_m, y_m, zone])?;

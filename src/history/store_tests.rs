@@ -5,7 +5,18 @@ pub(in super::super) fn event(sequence: u64) -> Event {
     let time = Timestamp::from_millisecond(1000 * sequence as i64).unwrap();
     let zone = sequence.is_multiple_of(3).then(|| String::from("bed"));
     let kind = if sequence.is_multiple_of(2) { EventKind::Enter } else { EventKind::Exit };
-    Event { sequence, kind, time, track: sequence / 2, x_m: 0.5, y_m: 1.25, zone }
+    Event {
+        sequence,
+        kind,
+        time,
+        track: sequence / 2,
+        x_m: 0.5,
+        y_m: 1.25,
+        zone,
+        through: None,
+        reason: None,
+        speed_m_s: None,
+    }
 }
 
 fn count(store: &Store, table: &str) -> usize {

@@ -14,7 +14,7 @@ use super::home_assistant::{Announcement, announcements};
 use super::lock;
 use super::neighbours::{Neighbours, Todo, presence};
 use super::topics::Topics;
-use crate::watch::{Hub, state_name};
+use crate::watch::Hub;
 
 /// Shortest time between two messages with tracks.
 const TRACKS: Duration = Duration::from_millis(500);
@@ -357,7 +357,7 @@ impl Session<'_> {
     }
 
     fn tell_state(&mut self, facts: &Facts) {
-        self.retain(self.topics.state(), state_name(facts.watching.state).into());
+        self.retain(self.topics.state(), facts.watching.state.name().into());
         self.retain(self.topics.watching(), facts.watching_json());
     }
 

@@ -87,7 +87,7 @@ pub(super) async fn status(State(shared): State<Shared>) -> Json<StatusReport> {
     )
 )]
 pub(super) async fn geometry(State(shared): State<Shared>, asked: HeaderMap) -> Response {
-    let Some(Watched { model, calibration }) = shared.hub.watched() else {
+    let Some(Watched { model, calibration, .. }) = shared.hub.watched() else {
         return ProblemDetails::not_found("the camera is not calibrated yet: see /api/v1/calibration").into_response();
     };
     let geometry = Geometry {

@@ -27,6 +27,6 @@ pub use recent::{PathPoint, TrackHistory};
 pub use recordings::{RecordingRefused, RecordingReport, RecordingWish, Recordings};
 pub use run::{Command, Control, Running, start};
 pub use status::Status;
-pub use watching::{Reason, Watching, state_name};
+pub use watching::{Reason, Watching};
 pub use zone_ids::ZoneIds;
 pub use zones::{ZoneKeeper, ZoneOrigin, ZonesRefused};

@@ -148,7 +148,18 @@ mod tests {
         }));
         let event = |sequence| {
             let (kind, time) = (EventKind::Dwell, at(seconds));
-            Event { sequence, kind, time, track: sequence % 2, x_m: 0.0, y_m: 1.0, zone: None }
+            Event {
+                sequence,
+                kind,
+                time,
+                track: sequence % 2,
+                x_m: 0.0,
+                y_m: 1.0,
+                zone: None,
+                through: None,
+                reason: None,
+                speed_m_s: None,
+            }
         };
         update.events.extend(events.map(event));
         update

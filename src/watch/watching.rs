@@ -28,6 +28,10 @@ pub enum Reason {
     Learning,
     /// The light changed or a reset was requested: the empty room is being learned anew.
     Relearning,
+    /// Both patches are covered or lit by something on the camera's own side.
+    Obstructed,
+    /// The camera has moved since it was calibrated.
+    Misaligned,
     /// No new update for some time, although the source is there.
     Stale,
     /// The source has no more frames.
@@ -45,6 +49,8 @@ impl Reason {
             Self::Uncalibrated => "uncalibrated",
             Self::Learning => "learning",
             Self::Relearning => "relearning",
+            Self::Obstructed => "obstructed",
+            Self::Misaligned => "misaligned",
             Self::Stale => "stale",
             Self::Ended => "ended",
             Self::Failed => "failed",
@@ -59,6 +65,8 @@ impl Reason {
             Self::Uncalibrated => "the camera is not calibrated",
             Self::Learning => "the empty room is being learned",
             Self::Relearning => "the empty room is being learned anew",
+            Self::Obstructed => "something on the camera's own side covers the floor before the door",
+            Self::Misaligned => "the camera has moved since it was calibrated",
             Self::Stale => "no new frames",
             Self::Ended => "the source has no more frames",
             Self::Failed => "the source failed",
@@ -89,10 +97,9 @@ impl Watching {
     /// one moment, so that exactly one state is 1 however many ask at once.
     pub(super) fn exposition(&self, people: usize) -> String {
         let mut text = String::from("# HELP doorcam_state 1 for the state of the map\n# TYPE doorcam_state gauge\n");
-        for state in [State::Learning, State::Watching, State::Relearning, State::Stale] {
+        for state in State::ALL {
             // Writing to a string cannot fail.
-            let _ =
-                writeln!(text, "doorcam_state{{state=\"{}\"}} {}", state_name(state), u8::from(state == self.state));
+            let _ = writeln!(text, "doorcam_state{{state=\"{}\"}} {}", state.name(), u8::from(state == self.state));
         }
         let _ = write!(
             text,
@@ -104,16 +111,6 @@ impl Watching {
             if self.watching { people as f64 } else { f64::NAN }
         );
         text
-    }
-}
-
-/// A state's name in topics and labels, as in JSON.
-pub fn state_name(state: State) -> &'static str {
-    match state {
-        State::Learning => "learning",
-        State::Watching => "watching",
-        State::Relearning => "relearning",
-        State::Stale => "stale",
     }
 }
 
@@ -190,6 +187,8 @@ impl Observed {
                     State::Watching => None,
                     State::Learning => Some(Reason::Learning),
                     State::Relearning => Some(Reason::Relearning),
+                    State::Obstructed => Some(Reason::Obstructed),
+                    State::Misaligned => Some(Reason::Misaligned),
                     State::Stale => Some(Reason::Stale),
                 };
                 said(reason, newest.since, newest.state)

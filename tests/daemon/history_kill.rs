@@ -39,8 +39,18 @@ fn write_until_killed() {
     let first = history.numbers().event;
     for number in first.. {
         let time = Timestamp::now();
-        let event =
-            Event { sequence: number, kind: EventKind::Enter, time, track: number, x_m: 0.0, y_m: 1.0, zone: None };
+        let event = Event {
+            sequence: number,
+            kind: EventKind::Enter,
+            time,
+            track: number,
+            x_m: 0.0,
+            y_m: 1.0,
+            zone: None,
+            through: None,
+            reason: None,
+            speed_m_s: None,
+        };
         let people = Some((number as usize % 3, [].as_slice()));
         history.take(&Observation { time, people, events: &[event], track: Some(number) });
         writeln!(out, "handed {number}").unwrap();

@@ -207,7 +207,7 @@ fn figures_are_there_for_prometheus() {
     assert_eq!(value("doorcam_frames_lost_total"), 0.0);
     assert_eq!(value("doorcam_source_state{state=\"ended\"}"), 1.0);
     assert_eq!(value("doorcam_source_state{state=\"streaming\"}"), 0.0);
-    let states = ["learning", "watching", "relearning", "stale"];
+    let states = ["learning", "watching", "relearning", "stale", "obstructed", "misaligned"];
     assert_eq!(states.map(|state| value(&format!("doorcam_state{{state=\"{state}\"}}"))).iter().sum::<f64>(), 1.0);
     assert_eq!(value("doorcam_stage_seconds_count{stage=\"solve\"}"), value("doorcam_frames_solved_total"));
 }

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::common::{Daemon, JPEG, grey_recording, manifest};
 
-const STATES: [&str; 4] = ["learning", "watching", "relearning", "stale"];
+const STATES: [&str; 6] = ["learning", "watching", "relearning", "stale", "obstructed", "misaligned"];
 
 /// Asks every place, in a moment in which nothing changes, and checks that they agree.
 fn agreed(daemon: &Daemon) -> Value {

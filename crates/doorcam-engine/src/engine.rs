@@ -88,7 +88,11 @@ impl Engine {
 
     /// What its updates describe.
     pub fn watched(&self) -> Watched {
-        Watched { model: Arc::clone(self.reconstructor.model()), calibration: self.parts.calibration() }
+        Watched {
+            model: Arc::clone(self.reconstructor.model()),
+            calibration: self.parts.calibration(),
+            no_crossings: None,
+        }
     }
 
     /// Sets the first track id and event number.

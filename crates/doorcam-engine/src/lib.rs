@@ -111,4 +111,7 @@ pub use published_iteration::PublishedIteration;
 pub use reader::{FrameReader, ReadTimes};
 pub use reconstructor::{Reconstruction, Reconstructor};
 pub use settings::{AveragingSettings, BackgroundSettings, PatchSettings, Preprocessing, Settings, SolverSettings};
-pub use update::{BackgroundReport, FacetReport, Published, SolutionReport, State, Timing, Update, Watched};
+pub use update::{
+    BackgroundReport, FacetReport, PatchView, Published, SolutionReport, State, Timing, Update, ViewReport, ViewState,
+    Watched,
+};

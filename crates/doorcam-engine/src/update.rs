@@ -24,6 +24,71 @@ pub enum State {
     Relearning,
     /// No new frame for some time: the map is outdated.
     Stale,
+    /// Both patches are covered or lit by something on the camera's own side: no map.
+    Obstructed,
+    /// The camera has moved: the patches are no longer where the calibration says. No map.
+    Misaligned,
+}
+
+impl State {
+    /// Every state.
+    pub const ALL: [Self; 6] =
+        [Self::Learning, Self::Watching, Self::Relearning, Self::Stale, Self::Obstructed, Self::Misaligned];
+
+    /// The name used in JSON and elsewhere.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Learning => "learning",
+            Self::Watching => "watching",
+            Self::Relearning => "relearning",
+            Self::Stale => "stale",
+            Self::Obstructed => "obstructed",
+            Self::Misaligned => "misaligned",
+        }
+    }
+}
+
+/// How much of a patch still shows the floor, lit as the hidden room can light it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "lowercase")]
+pub enum ViewState {
+    /// All of it, or nearly.
+    Clear,
+    /// A part; the rest goes on measuring.
+    Partial,
+    /// Too little to measure with.
+    Blocked,
+}
+
+/// What one patch contributes to a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct PatchView {
+    /// Whether the patch can be used.
+    pub state: ViewState,
+    /// Share of its pixels that are used, 0 to 1.
+    pub used: f64,
+}
+
+impl PatchView {
+    /// A patch with nothing in the way.
+    pub const CLEAR: Self = Self { state: ViewState::Clear, used: 1.0 };
+}
+
+/// What both patches contribute to a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct ViewReport {
+    /// The patch at the left edge.
+    pub left: PatchView,
+    /// The patch at the right edge.
+    pub right: PatchView,
+}
+
+impl ViewReport {
+    /// Both patches with nothing in the way.
+    pub const CLEAR: Self = Self { left: PatchView::CLEAR, right: PatchView::CLEAR };
 }
 
 /// What is known after one frame: one line of `doorcam reconstruct`, one message of the live socket. Light is linear,
@@ -49,6 +114,8 @@ pub struct Update {
     /// Which signs the map may have: `signed` or `published`.
     #[cfg_attr(feature = "schema", schema(value_type = ModelKind))]
     pub model: &'static str,
+    /// How much of each patch can be used.
+    pub view: ViewReport,
     /// Change of the visible side's light, b of eq. 12.
     pub illumination: Illumination,
     /// Per patch, the factor on each colour's picture of the empty room in this frame, apart from what the facets
@@ -196,6 +263,7 @@ impl Update {
             calibration: 0,
             solution: SolutionReport::default(),
             model,
+            view: ViewReport::CLEAR,
             illumination: Illumination::default(),
             gain: None,
             background: None,
@@ -302,4 +370,6 @@ pub struct Watched {
     pub model: Arc<Model>,
     /// Number of the calibration in this run.
     pub calibration: u32,
+    /// Why people who walk through the doorway are not told; none if they are.
+    pub no_crossings: Option<String>,
 }

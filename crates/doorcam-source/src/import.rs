@@ -213,7 +213,7 @@ fn truth(places: &[Point]) -> Truth {
     let target = |(id, &[x_m, y_m]): (u64, &Point)| Target { id, x_m, y_m, radius_m: 0.0, rgb: [0.0; 3] };
     let targets = (1..).zip(places).map(target).collect();
     let empty = TrueFrame { index: 0, t: 0.0, targets: Vec::new() };
-    Truth { frames: vec![empty, TrueFrame { index: 1, t: 1.0, targets }] }
+    Truth { frames: vec![empty, TrueFrame { index: 1, t: 1.0, targets }], crossings: Vec::new() }
 }
 
 fn write_png(image: &Image, to: &Path) -> Result<(), ImportError> {

@@ -8,6 +8,7 @@ use crate::bounded::bounded;
 use crate::files::{self, FileKind, ReadError};
 use crate::recording::{MOST_FRAMES, brief, median, other_unit};
 use doorcam_core::scene::Rgb;
+use doorcam_core::tracking::Direction;
 
 /// Most people in one frame: more than fit into a room. Who is who among them takes a time that grows as the cube of
 /// their number.
@@ -31,6 +32,18 @@ pub struct Truth {
     /// Frame by frame. Of a frame that is not listed, the truth is unknown.
     #[serde(deserialize_with = "bounded::<_, _, MOST_FRAMES>")]
     pub frames: Vec<TrueFrame>,
+    /// Who went through the doorway, in order of time.
+    #[serde(default, skip_serializing_if = "Vec::is_empty", deserialize_with = "bounded::<_, _, MOST_FRAMES>")]
+    pub crossings: Vec<TrueCrossing>,
+}
+
+/// Somebody who went through the doorway, or turned around on its threshold.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TrueCrossing {
+    /// When the body's axis passed y = 0, or was nearest to it, in seconds.
+    pub t: f64,
+    /// Which way.
+    pub direction: Direction,
 }
 
 /// Who is there in one frame.
@@ -132,6 +145,12 @@ impl Truth {
                 }
             }
         }
+        for (n, crossing) in self.crossings.iter().enumerate() {
+            if !(-LATEST_S..=LATEST_S).contains(&crossing.t) {
+                let message = format!("{} is not possible, expected {} to {LATEST_S} seconds", crossing.t, -LATEST_S);
+                return Err((format!("crossings[{n}].t"), message));
+            }
+        }
         Ok(())
     }
 
@@ -205,7 +224,7 @@ mod tests {
     fn other_units_of_time_are_named() {
         let truth = |step: f64| {
             let frame = |index: u64| TrueFrame { index, t: step * index as f64, targets: Vec::new() };
-            Truth { frames: [0, 1, 2, 5, 6].map(frame).into() }
+            Truth { frames: [0, 1, 2, 5, 6].map(frame).into(), crossings: Vec::new() }
         };
         truth(0.1).check_times(10.0).unwrap();
         truth(0.0).check_times(10.0).unwrap();

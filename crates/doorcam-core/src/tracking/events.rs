@@ -5,6 +5,69 @@ use super::zones::Zone;
 use super::{Track, TrackState};
 use crate::geometry::Point;
 
+/// Which way somebody went through the doorway.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "lowercase")]
+pub enum Direction {
+    /// From the visible side into the hidden room.
+    In,
+    /// Out of the hidden room.
+    Out,
+    /// To the threshold and back to where they came from.
+    Back,
+}
+
+impl Direction {
+    /// The event that tells such a crossing.
+    pub fn kind(self) -> EventKind {
+        match self {
+            Self::In => EventKind::CrossIn,
+            Self::Out => EventKind::CrossOut,
+            Self::Back => EventKind::CrossBack,
+        }
+    }
+}
+
+/// What a person who leaves goes through.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "lowercase")]
+pub enum Through {
+    /// The doorway that is watched.
+    Door,
+}
+
+/// Why a track ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "lowercase")]
+pub enum ExitReason {
+    /// Seen to leave through the watched doorway.
+    Door,
+    /// Lost at a wall of the room, where another entrance may be.
+    Entrance,
+    /// Lost inside the room, or no longer watched.
+    Unseen,
+    /// Found to be the same person as another track.
+    Merged,
+}
+
+impl ExitReason {
+    /// Every reason.
+    pub const ALL: [Self; 4] = [Self::Door, Self::Entrance, Self::Unseen, Self::Merged];
+
+    /// The name used in JSON and elsewhere.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Door => "door",
+            Self::Entrance => "entrance",
+            Self::Unseen => "unseen",
+            Self::Merged => "merged",
+        }
+    }
+}
+
 /// Kind of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
@@ -20,11 +83,26 @@ pub enum EventKind {
     ZoneEnter,
     /// Somebody left a zone, or was last seen in it.
     ZoneExit,
+    /// Somebody came into the room through the doorway. The time is when their body's axis passed y = 0.
+    CrossIn,
+    /// Somebody left the room through the doorway. The time is when their body's axis passed y = 0.
+    CrossOut,
+    /// Somebody came up to the threshold and turned around. The time is when their body's axis was nearest to y = 0.
+    CrossBack,
 }
 
 impl EventKind {
     /// Every kind.
-    pub const ALL: [Self; 5] = [Self::Enter, Self::Exit, Self::Dwell, Self::ZoneEnter, Self::ZoneExit];
+    pub const ALL: [Self; 8] = [
+        Self::Enter,
+        Self::Exit,
+        Self::Dwell,
+        Self::ZoneEnter,
+        Self::ZoneExit,
+        Self::CrossIn,
+        Self::CrossOut,
+        Self::CrossBack,
+    ];
 
     /// The name used in JSON and elsewhere.
     pub fn name(self) -> &'static str {
@@ -34,6 +112,19 @@ impl EventKind {
             Self::Dwell => "dwell",
             Self::ZoneEnter => "zone_enter",
             Self::ZoneExit => "zone_exit",
+            Self::CrossIn => "cross_in",
+            Self::CrossOut => "cross_out",
+            Self::CrossBack => "cross_back",
+        }
+    }
+
+    /// Which way somebody crossed the threshold; none for other events.
+    pub fn direction(self) -> Option<Direction> {
+        match self {
+            Self::CrossIn => Some(Direction::In),
+            Self::CrossOut => Some(Direction::Out),
+            Self::CrossBack => Some(Direction::Back),
+            _ => None,
         }
     }
 }
@@ -58,6 +149,15 @@ pub struct Event {
     /// Name of the zone; none for events without a zone.
     #[cfg_attr(feature = "schema", schema(required))]
     pub zone: Option<String>,
+    /// What somebody who left went through; none if nobody saw it, and for other events.
+    #[cfg_attr(feature = "schema", schema(required))]
+    pub through: Option<Through>,
+    /// Why an `exit` was reported; none for other events.
+    #[cfg_attr(feature = "schema", schema(required))]
+    pub reason: Option<ExitReason>,
+    /// Speed across the threshold, in m/s; none for events that are no crossings.
+    #[cfg_attr(feature = "schema", schema(required))]
+    pub speed_m_s: Option<f64>,
 }
 
 /// Who is in a zone.
@@ -239,7 +339,19 @@ fn push(
     Moment { time, place }: Moment,
     zone: Option<String>,
 ) {
-    events.push(Event { sequence: *next, kind, time, track, x_m: place[0], y_m: place[1], zone });
+    let (through, reason, speed_m_s) = (None, (kind == EventKind::Exit).then_some(ExitReason::Unseen), None);
+    events.push(Event {
+        sequence: *next,
+        kind,
+        time,
+        track,
+        x_m: place[0],
+        y_m: place[1],
+        zone,
+        through,
+        reason,
+        speed_m_s,
+    });
     *next += 1;
 }
 

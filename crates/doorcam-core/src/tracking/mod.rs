@@ -18,7 +18,7 @@ mod tracker_tests;
 mod zones;
 
 pub use detection::Detection;
-pub use events::{Dwelling, Event, EventKind, Events, Occupancy};
+pub use events::{Direction, Dwelling, Event, EventKind, Events, ExitReason, Occupancy, Through};
 pub use track::{Covariance, Track, TrackState};
 pub use tracker::{Prediction, Tracker, TrackerSettings};
 pub use zones::{Zone, ZoneError};

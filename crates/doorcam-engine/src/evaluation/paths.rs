@@ -128,7 +128,7 @@ mod tests {
             t: index as f64,
             targets: if there { vec![target] } else { vec![] },
         };
-        let truth = Truth { frames: (0..).zip(there).map(frame).collect() };
+        let truth = Truth { frames: (0..).zip(there).map(frame).collect(), crossings: Vec::new() };
         let mut scorer = Scorer::new(&truth, 0, 0.0).unwrap();
         // 0.3 m to the right, with a standard deviation of 0.1 m in x: the ellipse reaches 0.245 m.
         let estimate = Estimate { id: Some(7), position: [0.3, 1.0], covariance: [[0.01, 0.0], [0.0, 0.04]] };

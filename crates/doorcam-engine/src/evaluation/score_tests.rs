@@ -16,7 +16,7 @@ fn track(id: u64, position: Point) -> Estimate {
 
 fn truth_of(frames: impl IntoIterator<Item = (u64, Vec<Target>)>) -> Truth {
     let frame = |(index, targets)| TrueFrame { index, t: index as f64 / FPS, targets };
-    Truth { frames: frames.into_iter().map(frame).collect() }
+    Truth { frames: frames.into_iter().map(frame).collect(), crossings: Vec::new() }
 }
 
 /// Evaluates, frame by frame from frame 0, who is there and what is reported.

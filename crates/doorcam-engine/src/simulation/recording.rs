@@ -53,7 +53,7 @@ pub fn record_simulation(
         truth
     };
     let path = out.join(Truth::FILE);
-    let truth = Truth { frames: (0..frames).map(rounds).collect() };
+    let truth = Truth { frames: (0..frames).map(rounds).collect(), crossings: Vec::new() };
     let text = serde_json::to_vec(&truth).map_err(Into::into);
     text.and_then(|text| std::fs::write(&path, text)).map_err(|e| SimulationError::Io(path, e))?;
     for first in (0..frames).step_by(AT_A_TIME as usize) {

@@ -78,7 +78,7 @@ fn truth(scenario: &Scenario, frames: u64) -> Truth {
         })
     };
     let frame = |index| TrueFrame { index, t: scenario.seconds(index), targets: targets(index).collect() };
-    Truth { frames: (0..frames).map(frame).collect() }
+    Truth { frames: (0..frames).map(frame).collect(), crossings: Vec::new() }
 }
 
 fn manifest(scenario: &Scenario, frames: u64, seed: u64) -> Manifest {
