@@ -17,6 +17,7 @@ mod signal;
 mod startup;
 mod stillness;
 mod texture;
+mod usable;
 
 pub use albedo::{Floor, light_window};
 pub use averaging::{Averager, Averaging};
@@ -34,3 +35,4 @@ pub use sensing::Sensing;
 pub use signal::Signal;
 pub use startup::{Learned, Startup, StartupSpec};
 pub use texture::texture_strength;
+pub use usable::Usable;
