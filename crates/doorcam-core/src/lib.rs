@@ -23,6 +23,7 @@
 //! | [`solver`] | the inverse problem: which facets changed, and how (eq. 12, 13) |
 //! | [`scene`] | the views from both edges and the unified map (eq. 14, 15) |
 //! | [`tracking`] | finds people between the facets, follows them, counts them in zones |
+//! | [`visible`] | the camera's own side: who walks through the doorway |
 //! | [`bound`] | the Cramér-Rao bound: how accurate a place can be at best (eq. 6 to 11) |
 //! | [`quadrature`] | numerical integrals, for the bound and for simulators |
 //!
@@ -103,3 +104,4 @@ pub mod solver;
 mod testing;
 pub mod tracking;
 pub mod transport;
+pub mod visible;

@@ -9,6 +9,7 @@ use doorcam_source::RawFrame;
 use doorcam_source::recording::Manifest;
 
 use crate::background::BackgroundStore;
+use crate::visible_side::VisibleSide;
 use crate::{Engine, FrameReader, Model, People, Reconstructor, Settings, SetupError, Work};
 
 /// A builder of engines: set options in any order, then give the doorway. It can build any number of engines.
@@ -198,6 +199,15 @@ impl Parts {
     pub(crate) fn people(&self) -> Option<People> {
         let [track, event] = self.plan.first;
         self.plan.following.then(|| People::new(&self.plan.settings).counting_from(track, event))
+    }
+
+    /// The camera's own side.
+    ///
+    /// # Errors
+    /// In words, why it is not looked at.
+    pub(crate) fn visible_side(&self) -> Result<VisibleSide, String> {
+        let (camera, size) = self.reader.camera().ok_or("the recording shows only the patches")?;
+        VisibleSide::new(camera, size, &self.model.doorway, &self.reader.patch()).map_err(str::to_owned)
     }
 
     pub(crate) fn background(&self) -> BackgroundPlan {

@@ -5,8 +5,10 @@ use jiff::Timestamp;
 
 use crate::assembly::{BackgroundPlan, Parts};
 use crate::background::{FrameLight, Job, Keeper, KeeperError, Spaced, Work};
-use crate::people::People;
-use crate::{FrameReader, ReadTimes, Reconstruction, Reconstructor, State, Timing, Update};
+use crate::people::{People, Threshold};
+use crate::validity::Validity;
+use crate::visible_side::VisibleSide;
+use crate::{FrameReader, ReadTimes, Reconstruction, Reconstructor, State, Timing, Update, ViewReport, ViewState};
 use crate::{Published, Watched};
 use doorcam_core::light::{Averager, PatchPair};
 use doorcam_core::scene::Brightness;
@@ -27,6 +29,9 @@ pub struct Engine {
     _bodies: Option<Job<()>>,
     /// `None` if the background is fixed to a recording's frames of the empty room.
     keeper: Option<Keeper>,
+    /// The camera's own side; in words why not, if it is not looked at.
+    visible: Result<VisibleSide, String>,
+    validity: Validity,
     /// The recording's frames of the empty room.
     given: Spaced,
     pair: PatchPair,
@@ -71,7 +76,10 @@ impl Engine {
                 Some(Keeper::new(&settings.background, store, work, averager.independent_s(), &mut reconstructor))
             }
         };
+        let visible = parts.visible_side();
         Self {
+            validity: Validity::new(&parts.model.counted),
+            visible,
             given: Spaced::new(averager.independent_s()),
             pair: PatchPair::zeros(reader.patch().size),
             sequence: 0,
@@ -91,7 +99,7 @@ impl Engine {
         Watched {
             model: Arc::clone(self.reconstructor.model()),
             calibration: self.parts.calibration(),
-            no_crossings: None,
+            no_crossings: self.visible.as_ref().err().cloned(),
         }
     }
 
@@ -164,8 +172,11 @@ impl Engine {
     pub fn step(&mut self, frame: &RawFrame, time: Timestamp) -> Result<Published, StepError> {
         let start = Instant::now();
         self.parts.plan.meet(frame);
-        let read = self.reader.read(frame, &mut self.pair)?;
+        let overview = self.visible.as_mut().ok().and_then(|visible| visible.due(frame.seconds));
+        let looked = overview.is_some();
+        let read = self.reader.read_with(frame, &mut self.pair, overview)?;
         let model = self.reconstructor.model().clone();
+        let view = self.look(frame, looked);
         let (pair, excess) = self.averager.push(&self.pair, frame.seconds);
         let map = if !self.watching && is_given(frame.purpose, self.keeper.is_some()) {
             if frame.purpose == Purpose::Background {
@@ -201,11 +212,19 @@ impl Engine {
             }
         };
         update.calibration = self.parts.calibration();
+        update.view = view;
         if let Some(keeper) = &self.keeper {
             update.state = keeper.state();
             update.background = Some(keeper.report());
         }
-        let detections = self.follow(frame.seconds, &mut update);
+        let obstructed = [view.left, view.right].iter().all(|view| view.state == ViewState::Blocked);
+        if obstructed && update.state == State::Watching {
+            update.state = State::Obstructed;
+        }
+        if [view.left, view.right].iter().any(|view| view.state == ViewState::Blocked) {
+            update.facets.clear();
+        }
+        let detections = self.follow(frame.seconds, looked, &mut update);
         update.timing_ms.total = ms(start.elapsed());
         self.sequence += 1;
         let difference = scene.is_some().then(|| self.reconstructor.difference().clone());
@@ -214,14 +233,49 @@ impl Engine {
         Ok(Published { patches, detections, sensing, ..Published::new(update, scene, difference) })
     }
 
+    /// Looks at the camera's own side, and judges which pixels of the patches can be used.
+    fn look(&mut self, frame: &RawFrame, looked: bool) -> ViewReport {
+        let learning = !self.watching && is_given(frame.purpose, self.keeper.is_some());
+        let usable = self.validity.restart();
+        if let Ok(visible) = &mut self.visible {
+            if looked {
+                visible.look(frame.seconds, learning);
+            }
+            visible.mask(usable);
+        }
+        if !learning && let Some(empty) = self.reconstructor.empty() {
+            self.validity.judge(&self.pair, empty);
+        }
+        let (view, used) = self.validity.report();
+        if let Ok(visible) = &mut self.visible
+            && used.iter().any(|&used| used < 1.0)
+            && !learning
+        {
+            visible.disturb(frame.seconds);
+        }
+        self.reconstructor.use_only(self.validity.usable(), used);
+        view
+    }
+
     /// Tracks people on the current map. Tracking pauses while there is no map of the present.
-    fn follow(&mut self, seconds: f64, update: &mut Update) -> Vec<Detection> {
+    fn follow(&mut self, seconds: f64, looked: bool, update: &mut Update) -> Vec<Detection> {
         let Some(people) = &mut self.people else { return Vec::new() };
         let start = Instant::now();
-        let (detections, report) = if update.state == State::Watching {
+        let (detections, report) = if matches!(update.state, State::Watching | State::Obstructed) {
             let elapsed_s = people.elapsed_s(seconds);
-            let detections = self.reconstructor.find(people.predictions(seconds), elapsed_s).to_vec();
-            let report = people.step(seconds, update.time, &detections);
+            let detections = match update.state {
+                State::Watching => self.reconstructor.find(people.predictions(seconds), elapsed_s).to_vec(),
+                _ => Vec::new(),
+            };
+            let report = match &mut self.visible {
+                Err(_) => people.step(seconds, update.time, &detections),
+                Ok(visible) => {
+                    let crossings = visible.take_crossings();
+                    let busy = visible.is_busy(seconds);
+                    let beside = Threshold { walkers: visible.walkers(), crossings: &crossings, busy, looked };
+                    people.step_beside(seconds, update.time, &detections, beside)
+                }
+            };
             (detections, report)
         } else {
             (Vec::new(), people.pause(update.time))

@@ -99,6 +99,8 @@ pub mod simulation;
 mod testing;
 mod texture_reach;
 mod update;
+mod validity;
+mod visible_side;
 
 pub use assembly::Assembly;
 pub use background::Work;

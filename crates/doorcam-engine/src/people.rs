@@ -1,13 +1,42 @@
-use jiff::Timestamp;
+use jiff::{SignedDuration, Timestamp};
 
 use crate::Settings;
-use doorcam_core::tracking::{Detection, Event, Events, Occupancy, Prediction, Track, Tracker, Zone};
+use doorcam_core::tracking::{
+    Detection, Direction, Event, Events, ExitReason, Occupancy, Prediction, Track, TrackState, Tracker, Zone,
+};
+use doorcam_core::visible::{Crossing, Walker, Walkers};
 
 /// The tracking stage: from a frame's detections to who is where, and what they do.
 pub struct People {
     tracker: Tracker,
     events: Events,
+    /// Walkers on the threshold, by number, and who they are in the room.
+    known: Vec<(u64, u64)>,
+    /// Detections of a frame, and of walkers whom the camera itself sees.
+    seen: Vec<Detection>,
+    /// The tracks of the last report.
+    before: Vec<Track>,
+    /// Half the room's width and its depth, in metres.
+    walls: [f64; 2],
 }
+
+/// What the camera sees on its own side in one frame.
+#[derive(Clone, Copy)]
+pub(super) struct Threshold<'a> {
+    /// Who is there.
+    pub walkers: &'a Walkers,
+    /// What has become certain.
+    pub crossings: &'a [Crossing],
+    /// Whether what they do to the light may look like somebody in the room.
+    pub busy: bool,
+    /// Whether the picture is new.
+    pub looked: bool,
+}
+
+/// A walker is somebody of the room who is at most this far away, in metres.
+const SAME_M: f64 = 0.9;
+/// Somebody lost at most this far from a wall may have left through another entrance, in metres.
+const AT_WALL_M: f64 = 0.4;
 
 /// What an update says about people.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -23,12 +52,20 @@ pub(super) struct PeopleReport {
 impl People {
     /// Starts with nobody present.
     pub fn new(settings: &Settings) -> Self {
-        Self { tracker: Tracker::new(settings.tracker), events: Events::new(settings.dwelling, settings.zones.clone()) }
+        let room = settings.tracker.room;
+        Self {
+            tracker: Tracker::new(settings.tracker),
+            events: Events::new(settings.dwelling, settings.zones.clone()),
+            known: Vec::new(),
+            seen: Vec::new(),
+            before: Vec::new(),
+            walls: [room.half_width_m, room.depth_m],
+        }
     }
 
     /// Assigns no track or event numbers below these.
     pub fn counting_from(self, track: u64, event: u64) -> Self {
-        Self { tracker: self.tracker.counting_from(track), events: self.events.counting_from(event) }
+        Self { tracker: self.tracker.counting_from(track), events: self.events.counting_from(event), ..self }
     }
 
     /// Where people are expected at a frame's time, in seconds on the source's clock.
@@ -45,6 +82,66 @@ impl People {
     pub(super) fn step(&mut self, seconds: f64, time: Timestamp, detections: &[Detection]) -> PeopleReport {
         self.tracker.step(seconds, detections);
         self.report(time)
+    }
+
+    /// Like [`Self::step`], with what the camera sees on its own side: who comes in is followed from the threshold on, who
+    /// goes out is followed until there, and nobody new begins while somebody outside disturbs the light.
+    pub(super) fn step_beside(
+        &mut self,
+        seconds: f64,
+        time: Timestamp,
+        detections: &[Detection],
+        beside: Threshold,
+    ) -> PeopleReport {
+        self.seen.clear();
+        self.seen.extend_from_slice(detections);
+        if beside.looked {
+            let of_room = beside.walkers.all().iter().filter(|w| w.is_somebody() && w.is_of_the_room());
+            self.seen.extend(of_room.filter_map(sighted));
+        }
+        let seen = std::mem::take(&mut self.seen);
+        self.tracker.step_with(seconds, &seen, !beside.busy);
+        self.seen = seen;
+        for crossing in beside.crossings {
+            self.cross(seconds, time, crossing, beside.walkers);
+        }
+        self.known.retain(|(walker, _)| beside.walkers.all().iter().any(|w| w.id == *walker));
+        self.report(time)
+    }
+
+    fn cross(&mut self, seconds: f64, time: Timestamp, crossing: &Crossing, walkers: &Walkers) {
+        let walker = walkers.all().iter().find(|w| w.id == crossing.walker);
+        let known = self.known.iter().find(|(walker, _)| *walker == crossing.walker).map(|(_, track)| *track);
+        let at = walker.map_or([crossing.x_m, 0.0], Walker::position);
+        let away = |track: &Track| (track.x_m - at[0]).hypot(track.y_m - at[1]);
+        let confirmed = |track: &&Track| track.state != TrackState::Tentative && away(track) < SAME_M;
+        let near = self.tracker.tracks().iter().filter(confirmed);
+        let near = near.min_by(|a, b| away(a).total_cmp(&away(b))).map(|track| track.id);
+        let followed = |id: &u64| self.tracker.tracks().iter().any(|track| track.id == *id);
+        let track = match crossing.direction {
+            Direction::In => known.filter(followed).unwrap_or_else(|| {
+                let since_s = (seconds - crossing.seconds).clamp(0.0, 1.0);
+                let speed = crossing.speed_m_s.clamp(0.3, 1.6);
+                let velocity = [walker.map_or(0.0, |w| w.velocity()[0]).clamp(-0.7, 0.7), speed];
+                let position = [crossing.x_m + velocity[0] * since_s, velocity[1] * since_s];
+                self.tracker.admit(position, velocity, &[[0.03, 0.0], [0.0, 0.04]])
+            }),
+            Direction::Out => {
+                let track = known.filter(followed).or(near).unwrap_or_else(|| self.tracker.number());
+                self.tracker.dismiss(track);
+                self.events.leaves(track, ExitReason::Door);
+                track
+            }
+            Direction::Back => {
+                let of_room = walker.is_some_and(Walker::is_of_the_room);
+                known.or(near.filter(|_| of_room)).unwrap_or_else(|| self.tracker.number())
+            }
+        };
+        self.known.retain(|(walker, _)| *walker != crossing.walker);
+        self.known.push((crossing.walker, track));
+        let ago = SignedDuration::try_from_secs_f64(seconds - crossing.seconds).unwrap_or_default();
+        let then = time.checked_sub(ago).unwrap_or(time);
+        self.events.crossed(then, track, crossing.direction, [crossing.x_m, 0.0], crossing.speed_m_s);
     }
 
     /// Processes a frame without a trustworthy map: all tracks end.
@@ -65,16 +162,40 @@ impl People {
     }
 
     fn report(&mut self, time: Timestamp) -> PeopleReport {
+        for track in &self.before {
+            let [half_width_m, depth_m] = self.walls;
+            let at_wall = track.x_m.abs() > half_width_m - AT_WALL_M || track.y_m > depth_m - AT_WALL_M;
+            if at_wall && !self.tracker.tracks().iter().any(|t| t.id == track.id) {
+                self.events.leaves(track.id, ExitReason::Entrance);
+            }
+        }
+        self.before.clear();
+        self.before.extend_from_slice(self.tracker.tracks());
         let mut events = Vec::new();
         self.events.observe(time, self.tracker.tracks(), self.tracker.unseen_s(), &mut events);
         PeopleReport { tracks: self.tracker.tracks().to_vec(), events, zones: self.events.occupancy().collect() }
     }
 }
 
+/// Where the camera itself sees somebody of the room.
+fn sighted(walker: &Walker) -> Option<Detection> {
+    let sighting = walker.sighting()?;
+    // Bodies differ from the usual one in the same way for as long as they are seen.
+    let covariance = sighting.covariance.map(|row| row.map(|v| 3.0 * v));
+    (sighting.position[1] > -0.1).then_some(Detection {
+        position: sighting.position,
+        covariance,
+        rgb: [f64::NAN; 3],
+        significance: 0.0,
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use doorcam_core::tracking::EventKind;
+    use doorcam_core::geometry::Doorway;
+    use doorcam_core::tracking::{EventKind, Through};
+    use doorcam_core::visible::Sighting;
 
     fn at(tenths: i64) -> Timestamp {
         Timestamp::from_millisecond(100 * tenths).unwrap()
@@ -122,5 +243,62 @@ mod tests {
         let report = watch(&mut after, 10, 10);
         let expected = [(EventKind::ZoneExit, 2, 1), (EventKind::Exit, 3, 1), (EventKind::Enter, 4, 2)];
         assert_eq!(kinds(&report.events)[..3], expected);
+    }
+
+    /// Walks somebody through the picture of a doorway in steps of 0.2 s, from second `from_s` on; `place(t)` is where they
+    /// are t seconds later.
+    fn walk(
+        people: &mut People,
+        from_s: i64,
+        place: impl Fn(f64) -> [f64; 2],
+        seen: impl Fn([f64; 2]) -> bool,
+    ) -> Vec<Event> {
+        let doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None };
+        let mut walkers = Walkers::new(&doorway);
+        let mut events = Vec::new();
+        for k in 0..22 {
+            let t = 0.2 * k as f64;
+            let position = place(t);
+            let sighting = Sighting { position, covariance: [[0.01, 0.0], [0.0, 0.01]], cells: 200 };
+            let sightings = if seen(position) { std::slice::from_ref(&sighting) } else { &[] };
+            let now_s = from_s as f64 + t;
+            let crossings = walkers.step(now_s, sightings).to_vec();
+            let busy = !sightings.is_empty();
+            let beside = Threshold { walkers: &walkers, crossings: &crossings, busy, looked: true };
+            events.extend(people.step_beside(now_s, at(10 * from_s + 2 * k), &[], beside).events);
+        }
+        events
+    }
+
+    #[test]
+    fn who_walks_in_gets_a_number_and_a_track_and_who_walks_out_leaves_through_the_door() {
+        let mut people = people();
+        let seen = |[_, y]: [f64; 2]| (-1.0..0.3).contains(&y);
+        let events = walk(&mut people, 0, |t| [0.0, (-2.0 + 0.8 * t).min(1.5)], seen);
+        let told: Vec<_> = events.iter().map(|e| (e.kind, e.track)).collect();
+        assert_eq!(told, [(EventKind::CrossIn, 1), (EventKind::Enter, 1)]);
+        let crossing = &events[0];
+        assert!((crossing.time.as_millisecond() - 2500).abs() < 200, "{crossing:?}");
+        assert!(crossing.speed_m_s.is_some_and(|speed| (speed - 0.8).abs() < 0.2), "{crossing:?}");
+        let track = people.tracker.tracks()[0];
+        assert!((track.x_m.abs() < 0.4) && track.y_m > 0.2, "{track:?}");
+        // Somebody who was in the room walks out.
+        people.tracker.dismiss(1);
+        let id = people.tracker.admit([0.0, 0.4], [0.0, -0.8], &[[0.02, 0.0], [0.0, 0.02]]);
+        let events = walk(&mut people, 5, |t| [0.0, 0.4 - 0.8 * t], seen);
+        let exits: Vec<_> = events.iter().filter(|e| e.kind == EventKind::Exit && e.track == id).collect();
+        assert_eq!((exits[0].through, exits[0].reason), (Some(Through::Door), Some(ExitReason::Door)));
+        assert!(events.iter().any(|e| e.kind == EventKind::CrossOut && e.track == id), "{events:?}");
+    }
+
+    #[test]
+    fn who_is_lost_at_a_wall_may_have_left_through_another_entrance() {
+        let mut people = people();
+        let position = [1.35, 1.5];
+        let seen = Detection { position, covariance: [[0.01, 0.0], [0.0, 0.01]], rgb: [-0.1; 3], significance: 50.0 };
+        (0..10).for_each(|k| drop(people.step(0.1 * k as f64, at(k), &[seen])));
+        let lost = (10..60).flat_map(|k| people.step(0.1 * k as f64, at(k), &[]).events);
+        let exits: Vec<_> = lost.filter(|e| e.kind == EventKind::Exit).collect();
+        assert_eq!((exits[0].through, exits[0].reason), (None, Some(ExitReason::Entrance)));
     }
 }

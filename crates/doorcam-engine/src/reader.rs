@@ -2,11 +2,12 @@ use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use crate::{Model, Preprocessing, Settings, SetupError};
-use doorcam_core::calibration::Calibration;
+use doorcam_core::calibration::{Calibration, Camera};
 use doorcam_core::geometry::Side;
 use doorcam_core::light::{CameraRectifier, Decoding, Filter, LightTable, PatchPair, PatchRectifier};
 use doorcam_core::optics::Transfer;
 use doorcam_core::transport::PatchGrid;
+use doorcam_core::visible::Overview;
 use doorcam_source::image::{ImageDecoder, JpegDepth};
 use doorcam_source::recording::Manifest;
 use doorcam_source::{RawFrame, RawImages, SkipKind, SkippedFrame};
@@ -18,6 +19,8 @@ pub struct FrameReader {
     table: LightTable,
     rectifier: Rectifier,
     patch: PatchGrid,
+    /// The camera and the size of its pictures; none for images of patches.
+    camera: Option<(Camera, [usize; 2])>,
     without_end: u64,
 }
 
@@ -69,7 +72,8 @@ impl FrameReader {
         }
         let camera = CameraRectifier::new(&calibration.doorway, &patch, &fitted, (width, height));
         let rows = camera.rows();
-        Ok(Self::new(settings, calibration.transfer(), Rectifier::Camera(camera, rows), patch))
+        let reader = Self::new(settings, calibration.transfer(), Rectifier::Camera(camera, rows), patch);
+        Ok(Self { camera: Some((fitted, calibration.size)), ..reader })
     }
 
     fn new(settings: &Settings, transfer: &Transfer, rectifier: Rectifier, patch: PatchGrid) -> Self {
@@ -83,6 +87,7 @@ impl FrameReader {
             table: LightTable::new(&decoding),
             rectifier,
             patch,
+            camera: None,
             without_end: 0,
         }
     }
@@ -95,6 +100,11 @@ impl FrameReader {
     /// The patches it produces.
     pub fn patch(&self) -> PatchGrid {
         self.patch
+    }
+
+    /// The camera and the size of its pictures (width, height); none for images of patches.
+    pub fn camera(&self) -> Option<(&Camera, [usize; 2])> {
+        self.camera.as_ref().map(|(camera, size)| (camera, *size))
     }
 
     /// Per side and pixel, whether the camera sees it; none if everything is seen.
@@ -111,6 +121,21 @@ impl FrameReader {
     ///
     /// If an image cannot be decoded, has another size, or is not of the kind that this reader expects.
     pub fn read(&mut self, frame: &RawFrame, pair: &mut PatchPair) -> Result<ReadTimes, SkippedFrame> {
+        self.read_with(frame, pair, None)
+    }
+
+    /// Like [`Self::read`], and fills an overview of all that the camera sees, if one is wanted. Takes longer then,
+    /// because the whole image is decoded.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`].
+    pub fn read_with(
+        &mut self,
+        frame: &RawFrame,
+        pair: &mut PatchPair,
+        overview: Option<&mut Overview>,
+    ) -> Result<ReadTimes, SkippedFrame> {
         let unfit = |reason: &str| SkippedFrame::new(&*frame.name, SkipKind::Unfit, reason);
         let mut times = ReadTimes::default();
         let mut timed =
@@ -133,6 +158,7 @@ impl FrameReader {
             }
             (Rectifier::Camera(camera, rows), images) => {
                 let start = Instant::now();
+                let rows = if overview.is_some() { &(0..camera.image_size().1) } else { &*rows };
                 let image = match images {
                     RawImages::Camera(bytes) => decoder.decode_rows(bytes, Some(camera.image_size()), rows.clone()),
                     RawImages::Sensor(format, bytes) => decoder.decode_sensor(format, bytes, rows.clone()),
@@ -144,6 +170,9 @@ impl FrameReader {
                 timed(|t| &mut t.decode, start);
                 let start = Instant::now();
                 camera.apply(image, &self.table, pair).map_err(|e| unfit(&e.to_string()))?;
+                if let Some(overview) = overview {
+                    overview.fill(image, &self.table);
+                }
                 timed(|t| &mut t.rectify, start);
                 lacked_end = !matches!(images, RawImages::Sensor(..)) && decoder.lacked_end();
             }

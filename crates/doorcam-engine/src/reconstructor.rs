@@ -2,8 +2,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::{Model, Problem};
-use doorcam_core::geometry::Point;
-use doorcam_core::light::{Background, PatchPair, Sensing};
+use doorcam_core::geometry::{Point, Side};
+use doorcam_core::light::{Background, PatchPair, Sensing, Usable};
 use doorcam_core::scene::{BlobWorkspace, Rgb, Scene};
 use doorcam_core::solver::{Audit, Correlations, Limits, ProjectionError, Solution, Start, Workspace, audit};
 use doorcam_core::tracking::{Detection, Prediction};
@@ -19,6 +19,10 @@ pub struct Reconstructor {
     difference: PatchPair,
     warm_start: bool,
     problem: Option<Prepared>,
+    /// Which pixels of the frame show the floor.
+    usable: Usable,
+    /// Per side, the share of its pixels that are usable; 0 for a blocked side.
+    used: [f64; 2],
 }
 
 /// The problem of the background in use, with the workspace for solving it.
@@ -36,6 +40,8 @@ pub(super) struct Prepared {
     lambdas: [f64; 2],
     /// Whether the frame shows nothing that noise, texture and model errors could not do.
     hidden: bool,
+    /// Per side, the share of its usual information that the last frame has.
+    trust: [f64; 2],
     blobs: BlobWorkspace,
     seeds: Vec<Point>,
     /// Workspace for comparing pictures other than the frame's.
@@ -43,6 +49,12 @@ pub(super) struct Prepared {
     /// How long building all this took.
     pub took: Duration,
 }
+
+/// Mean square, in units of the noise, of what no light from the room can cause, from which a frame counts as noisier
+/// than the empty room.
+const FOREIGN: f64 = 2.0;
+/// Such noise is not white: over a cell of a fan its mean square is about this many times that of white noise.
+const SPREAD: f64 = 4.0;
 
 /// What one frame says about the hidden room. Light is linear, relative to full scale.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,6 +76,8 @@ pub struct Reconstruction {
     pub energy: f64,
     /// The same for what the map leaves unexplained.
     pub residual: f64,
+    /// The same, per patch, for what no light from the hidden room could cause (eq. 2).
+    pub foreign: [f64; 2],
     /// Time for the difference.
     pub background_time: Duration,
     /// Time for Aᵀy.
@@ -93,6 +107,7 @@ impl Prepared {
             faint: Solution::default(),
             lambdas: [0.0; 2],
             hidden: true,
+            trust: [1.0; 2],
             blobs: BlobWorkspace::default(),
             seeds: Vec::new(),
             aside: (difference.clone(), problem.projection.correlations()),
@@ -111,6 +126,8 @@ impl Reconstructor {
             difference: PatchPair::zeros(model.patch.size),
             problem: None,
             warm_start,
+            usable: Usable::all(&model.counted),
+            used: [1.0; 2],
             model,
         }
     }
@@ -118,6 +135,13 @@ impl Reconstructor {
     /// The model in use.
     pub fn model(&self) -> &Arc<Model> {
         &self.model
+    }
+
+    /// Says which pixels of the next frames show the floor. `used` is their share per side, 0 for a side that shows so
+    /// little that it is left out.
+    pub(super) fn use_only(&mut self, usable: &Usable, used: [f64; 2]) {
+        self.usable.copy_from(usable);
+        self.used = used;
     }
 
     /// Learns from a frame of the empty room.
@@ -153,6 +177,11 @@ impl Reconstructor {
         self.problem.as_ref().map(|prepared| &prepared.reference)
     }
 
+    /// The picture of the empty room, as far as it is known.
+    pub(super) fn empty(&self) -> Option<&PatchPair> {
+        self.reference().or_else(|| (self.background.frames() > 0).then(|| self.background.mean()))
+    }
+
     /// How visibly `picture` differs from `from` (the reference if none), as a share of what noise can reach: above 1,
     /// the difference would be detected. None before there is a background.
     pub(super) fn departure(&mut self, picture: &PatchPair, from: Option<&PatchPair>) -> Option<f64> {
@@ -172,8 +201,9 @@ impl Reconstructor {
     /// Finds people in the last frame, `elapsed_s` seconds after the previous one, given where they are expected.
     pub fn find(&mut self, expected: impl Iterator<Item = Prediction>, elapsed_s: f64) -> &[Detection] {
         let Some(prepared) = &mut self.problem else { return &[] };
-        let Prepared { problem, correlations, workspace, solution, faint, lambdas, hidden, blobs, seeds, .. } =
-            prepared;
+        let Prepared {
+            problem, correlations, workspace, solution, faint, lambdas, hidden, blobs, seeds, trust, ..
+        } = prepared;
         let Some(finder) = &mut problem.finder else { return &[] };
         seeds.clear();
         // λ is raised where a changed lamp on textured floor might show as facets. People can be told from that.
@@ -187,7 +217,7 @@ impl Reconstructor {
         };
         let blobs = self.model.neighbourhood.blobs(&map.intensities, blobs);
         seeds.extend(blobs.iter().map(|blob| blob.position));
-        finder.find(&self.difference, expected, seeds, elapsed_s)
+        finder.find_with(&self.difference, *trust, expected, seeds, elapsed_s)
     }
 
     /// What the pixels can measure; none before there is a background, and with the published model.
@@ -229,10 +259,27 @@ impl Reconstructor {
         pair.subtract(reference, &mut self.difference);
         let background_time = start.elapsed();
         let (model, background, difference) = (&self.model, &self.background, &self.difference);
-        let Prepared { problem, correlations, workspace, solution, refit, lambdas, hidden, .. } =
+        let Prepared { problem, correlations, workspace, solution, refit, lambdas, hidden, trust, .. } =
             self.problem.get_or_insert_with(|| Prepared::new(model, background, difference));
         let start = Instant::now();
+        for (side, used) in Side::BOTH.into_iter().zip(self.used) {
+            if used == 0.0 {
+                self.difference.side_mut(side).data_mut().fill(0.0);
+            }
+        }
+        if self.used.iter().any(|&used| used > 0.0 && used < 1.0) {
+            problem.projection.fill(&mut self.difference, &self.usable, correlations);
+        }
         problem.projection.project(&self.difference, correlations)?;
+        // Half of the values are those of one patch.
+        let per_value = (problem.values.max(1) as f64).recip();
+        let foreign = correlations.foreign.map(|foreign| 2.0 * per_value * foreign);
+        // Noise that the empty room does not have, such as that of a sharp shadow's border, is noise all the same.
+        let known = problem.sensing.is_some();
+        let noisier = [0, 1].map(|s| if known && foreign[s] > FOREIGN { foreign[s] } else { 1.0 });
+        let spread = |noisier: f64| if noisier > 1.0 { SPREAD * noisier } else { 1.0 };
+        *trust = [0, 1].map(|s| self.used[s] * self.used[s] / spread(noisier[s]));
+        let excess = excess * noisier[0].max(noisier[1]).sqrt();
         let project_time = start.elapsed();
         let start = Instant::now();
         let lambda_max = problem.solver.lambda_max(correlations);
@@ -255,7 +302,6 @@ impl Reconstructor {
         problem.solver.refit(correlations, solution, refit);
         // With the brightness as measured: the penalty's shrinkage would leave part of every facet's light to the gain.
         let gain = problem.projection.gain(correlations, |s, n| intensities(s, n).map(|x| refit[n] * x));
-        let per_value = (problem.values.max(1) as f64).recip();
         let (energy, residual) = (per_value * correlations.energy, per_value * 2.0 * solution.data);
         let (solution, refit) = (solution.clone(), refit.clone());
         Ok(Some(Reconstruction {
@@ -266,6 +312,7 @@ impl Reconstructor {
             gain,
             energy,
             residual,
+            foreign,
             background_time,
             project_time,
             solve_time,

@@ -146,7 +146,7 @@ impl Homography {
     }
 
     /// The matrix, with arbitrary scale.
-    pub(super) fn matrix(&self) -> &Matrix3<f64> {
+    pub(crate) fn matrix(&self) -> &Matrix3<f64> {
         &self.matrix
     }
 }

@@ -7,11 +7,18 @@ use super::nuisance::Nuisance;
 use super::own_picture::OwnPictures;
 use super::planes::{dot3, weigh_plane};
 use crate::geometry::Side;
-use crate::light::PatchPair;
+use crate::light::{PatchPair, Usable};
 use crate::transport::Transport;
 
 /// Patterns that differ by less than this, in 1 − cos², are the same up to rounding.
 const ALIKE: f64 = 1e-9;
+
+/// Rounds in which unusable pixels are filled.
+const FILLING: usize = 8;
+/// How far beyond what is expected each round goes, which needs fewer rounds; it has to stay below 2.
+const BEYOND: f64 = 1.8;
+/// Most vectors of a side's basis that filling uses; the first ones say most.
+const MOST_VECTORS: usize = 160;
 
 /// How the columns of A enter the problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,6 +94,9 @@ pub struct Correlations {
     pub rhs: [[Vec<f64>; 3]; 2],
     /// Σ_p ‖y^p‖² over both patches without the nuisances: twice the objective of the empty map.
     pub energy: f64,
+    /// The part of `energy` that no light from the hidden room could cause, by eq. 2: what is outside the span of A.
+    /// Left, then right.
+    pub foreign: [f64; 2],
     /// Per side and channel, Qᵀ W y^p after the own picture is removed.
     nuisance: [[Vec<f64>; 3]; 2],
     /// Per side and channel, the share of the own picture (scaled to unit norm); 0 if there are no own pictures.
@@ -102,7 +112,7 @@ impl Correlations {
     pub fn new(rhs: [[Vec<f64>; 3]; 2], energy: f64) -> Self {
         let coordinates = std::array::from_fn(|_| DVector::zeros(0));
         let (nuisance, own, weighted) = Default::default();
-        Self { rhs, energy, nuisance, own, weighted, coordinates }
+        Self { rhs, energy, foreign: [0.0; 2], nuisance, own, weighted, coordinates }
     }
 
     /// The smallest λ with an empty map if all facets are [`Admissible::Signed`]: their largest dual norm.
@@ -178,6 +188,7 @@ impl Projection {
         Correlations {
             rhs: [zeros(self.facets), zeros(self.facets)],
             energy: 0.0,
+            foreign: [0.0; 2],
             nuisance: [0, 1].map(|s| zeros(self.sides[s].nuisances)),
             own: [[0.0; 3]; 2],
             weighted: std::array::from_fn(|_| vec![0.0; self.sides[0].weights.len()]),
@@ -245,6 +256,8 @@ impl Projection {
             }
             out.energy += energy.max(0.0);
             let rank = projected.core.nrows();
+            let within: f64 = out.coordinates.iter().map(|c| c.rows(0, rank).norm_squared()).sum();
+            out.foreign[s] = (energy - within).max(0.0);
             for (rhs, coordinates) in out.rhs[s].iter_mut().zip(&out.coordinates) {
                 for (rhs, column) in rhs.iter_mut().zip(projected.core.column_iter()) {
                     *rhs = column.dot(&coordinates.rows(0, rank));
@@ -252,6 +265,52 @@ impl Projection {
             }
         }
         Ok(())
+    }
+
+    /// Replaces the pixels of a difference that are not `usable` by what the others lead one to expect: the light of the
+    /// hidden room and the nuisances that fit those best (expectation maximisation from zero, which stops early and so
+    /// expects little where little is known). Sides without an unusable pixel stay as they are. Allocates nothing.
+    pub fn fill(&self, difference: &mut PatchPair, usable: &Usable, out: &mut Correlations) {
+        for (projected, side) in self.sides.iter().zip(Side::BOTH) {
+            let usable = usable.side(side);
+            let missing = || (0..usable.len()).filter(|&k| !usable[k] && projected.weights[k] > 0.0);
+            if missing().next().is_none() {
+                continue;
+            }
+            let patch = difference.side_mut(side);
+            let pixels = patch.pixels();
+            for channel in 0..3 {
+                let plane = patch.plane_mut(channel);
+                missing().for_each(|k| plane[k] = 0.0);
+                // A value that is not finite is reported by the projection.
+                let _ = weigh_plane(plane, &projected.weights, &mut out.weighted[channel]);
+            }
+            let mut products = [[0.0; 3]; MOST_VECTORS];
+            for (product, vector) in products.iter_mut().zip(projected.basis.chunks_exact(pixels)) {
+                *product = dot3(vector, &out.weighted);
+            }
+            for _ in 0..FILLING {
+                let mut changes = [[0.0; 3]; MOST_VECTORS];
+                for k in missing() {
+                    let mut expected = [0.0; 3];
+                    for (product, vector) in products.iter().zip(projected.basis.chunks_exact(pixels)) {
+                        (0..3).for_each(|c| expected[c] += product[c] * f64::from(vector[k]));
+                    }
+                    let step = [0, 1, 2].map(|c| BEYOND * (expected[c] - f64::from(out.weighted[c][k])));
+                    for (change, vector) in changes.iter_mut().zip(projected.basis.chunks_exact(pixels)) {
+                        (0..3).for_each(|c| change[c] += step[c] * f64::from(vector[k]));
+                    }
+                    (0..3).for_each(|c| out.weighted[c][k] += step[c] as f32);
+                }
+                for (product, change) in products.iter_mut().zip(&changes) {
+                    (0..3).for_each(|c| product[c] += change[c]);
+                }
+            }
+            for channel in 0..3 {
+                let plane = patch.plane_mut(channel);
+                missing().for_each(|k| plane[k] = out.weighted[channel][k] / projected.weights[k]);
+            }
+        }
     }
 
     /// The mean over each patch of what the nuisances explain after the facets' light is subtracted, per side and

@@ -280,3 +280,71 @@ fn a_black_floor_has_no_picture_to_take_out() {
     });
     assert_eq!((black.rhs, gain), (plain.rhs, Some([[1.0; 3]; 2])));
 }
+
+/// A projection of equal pixels with the constant as nuisance.
+fn plain_projection() -> Projection {
+    let pixels = Pixels::uniform(&[vec![true; SIZE * SIZE], vec![true; SIZE * SIZE]]);
+    Projection::new(&transport(), &pixels, &Nuisance::constant(SIZE * SIZE), Columns::Radiance)
+}
+
+/// What two facets at each side add to the floor, plus even light.
+fn light_from_the_room() -> PatchPair {
+    let transport = transport();
+    let mut pair = PatchPair::zeros(SIZE);
+    for side in Side::BOTH {
+        let matrix = transport.side(side);
+        for channel in 0..3 {
+            let plane = pair.side_mut(side).plane_mut(channel);
+            for (k, value) in plane.iter_mut().enumerate() {
+                let [a, b] = [10, 40].map(|n| matrix[(k, n * matrix.ncols() / 60)]);
+                *value = (0.3 * a - (0.1 + 0.1 * channel as f64) * b + 0.01) as f32;
+            }
+        }
+    }
+    pair
+}
+
+#[test]
+fn only_what_no_facet_can_cause_is_foreign() {
+    let projection = plain_projection();
+    let mut frame = projection.correlations();
+    let mut pair = light_from_the_room();
+    projection.project(&pair, &mut frame).unwrap();
+    assert!(frame.foreign.iter().all(|foreign| *foreign < 1e-6 * frame.energy), "{:?}", frame.foreign);
+    // A shadow with a sharp border across the fan of the left patch.
+    for channel in 0..3 {
+        pair.left.plane_mut(channel)[SIZE * SIZE / 2..].iter_mut().for_each(|value| *value -= 0.02);
+    }
+    projection.project(&pair, &mut frame).unwrap();
+    let shadow = 3.0 * 0.5 * (SIZE * SIZE) as f64 * 0.02 * 0.02;
+    assert!(frame.foreign[0] > 0.01 * shadow && frame.foreign[0] < shadow, "{:?} of {shadow}", frame.foreign);
+    assert!(frame.foreign[1] < 1e-6 * frame.energy, "{:?}", frame.foreign);
+}
+
+#[test]
+fn covered_pixels_are_filled_with_what_the_others_lead_one_to_expect() {
+    let projection = plain_projection();
+    let mut frame = projection.correlations();
+    let whole = light_from_the_room();
+    let mut covered = whole.clone();
+    let mut usable = Usable::all(&[vec![true; SIZE * SIZE], vec![true; SIZE * SIZE]]);
+    // A leg: a band of pixels across the right patch.
+    let leg = |k: usize| (12..16).contains(&(k % SIZE));
+    for k in (0..SIZE * SIZE).filter(|&k| leg(k)) {
+        usable.side_mut(Side::Right)[k] = false;
+        (0..3).for_each(|c| covered.right.plane_mut(c)[k] = -0.5);
+    }
+    projection.fill(&mut covered, &usable, &mut frame);
+    assert_eq!(covered.left, whole.left);
+    let (mut miss, mut size) = (0.0, 0.0);
+    for k in 0..SIZE * SIZE {
+        let (filled, expected) = (covered.right.plane(1)[k], whole.right.plane(1)[k]);
+        if !leg(k) {
+            assert_eq!(filled, expected);
+            continue;
+        }
+        (miss, size) = (miss + f64::from(filled - expected).powi(2), size + f64::from(expected).powi(2));
+    }
+    // Without filling it would be all of it. What changes within the band alone cannot be known.
+    assert!(miss < 0.3 * size, "{miss} of {size}");
+}

@@ -1,133 +1,10 @@
 use jiff::{SignedDuration, Timestamp};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
+use super::event_kind::{Direction, EventKind, ExitReason, Through};
 use super::zones::Zone;
 use super::{Track, TrackState};
 use crate::geometry::Point;
-
-/// Which way somebody went through the doorway.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(rename_all = "lowercase")]
-pub enum Direction {
-    /// From the visible side into the hidden room.
-    In,
-    /// Out of the hidden room.
-    Out,
-    /// To the threshold and back to where they came from.
-    Back,
-}
-
-impl Direction {
-    /// The event that tells such a crossing.
-    pub fn kind(self) -> EventKind {
-        match self {
-            Self::In => EventKind::CrossIn,
-            Self::Out => EventKind::CrossOut,
-            Self::Back => EventKind::CrossBack,
-        }
-    }
-}
-
-/// What a person who leaves goes through.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(rename_all = "lowercase")]
-pub enum Through {
-    /// The doorway that is watched.
-    Door,
-}
-
-/// Why a track ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(rename_all = "lowercase")]
-pub enum ExitReason {
-    /// Seen to leave through the watched doorway.
-    Door,
-    /// Lost at a wall of the room, where another entrance may be.
-    Entrance,
-    /// Lost inside the room, or no longer watched.
-    Unseen,
-    /// Found to be the same person as another track.
-    Merged,
-}
-
-impl ExitReason {
-    /// Every reason.
-    pub const ALL: [Self; 4] = [Self::Door, Self::Entrance, Self::Unseen, Self::Merged];
-
-    /// The name used in JSON and elsewhere.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Door => "door",
-            Self::Entrance => "entrance",
-            Self::Unseen => "unseen",
-            Self::Merged => "merged",
-        }
-    }
-}
-
-/// Kind of an event.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(rename_all = "snake_case")]
-pub enum EventKind {
-    /// Somebody is there. Reported when the track is confirmed, with time and place of its first detection.
-    Enter,
-    /// The track ended. Reported with time and place of its last detection.
-    Exit,
-    /// Somebody has stayed in one place for a while.
-    Dwell,
-    /// Somebody entered a zone.
-    ZoneEnter,
-    /// Somebody left a zone, or was last seen in it.
-    ZoneExit,
-    /// Somebody came into the room through the doorway. The time is when their body's axis passed y = 0.
-    CrossIn,
-    /// Somebody left the room through the doorway. The time is when their body's axis passed y = 0.
-    CrossOut,
-    /// Somebody came up to the threshold and turned around. The time is when their body's axis was nearest to y = 0.
-    CrossBack,
-}
-
-impl EventKind {
-    /// Every kind.
-    pub const ALL: [Self; 8] = [
-        Self::Enter,
-        Self::Exit,
-        Self::Dwell,
-        Self::ZoneEnter,
-        Self::ZoneExit,
-        Self::CrossIn,
-        Self::CrossOut,
-        Self::CrossBack,
-    ];
-
-    /// The name used in JSON and elsewhere.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Enter => "enter",
-            Self::Exit => "exit",
-            Self::Dwell => "dwell",
-            Self::ZoneEnter => "zone_enter",
-            Self::ZoneExit => "zone_exit",
-            Self::CrossIn => "cross_in",
-            Self::CrossOut => "cross_out",
-            Self::CrossBack => "cross_back",
-        }
-    }
-
-    /// Which way somebody crossed the threshold; none for other events.
-    pub fn direction(self) -> Option<Direction> {
-        match self {
-            Self::CrossIn => Some(Direction::In),
-            Self::CrossOut => Some(Direction::Out),
-            Self::CrossBack => Some(Direction::Back),
-            _ => None,
-        }
-    }
-}
 
 /// Something that a person did.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -190,6 +67,8 @@ pub struct Events {
     present: Vec<Present>,
     /// Events to report with the next update.
     pending: Vec<Event>,
+    /// Why tracks end.
+    reasons: Vec<(u64, ExitReason)>,
     next: u64,
 }
 
@@ -220,7 +99,7 @@ impl Events {
     /// Starts with nobody seen.
     pub fn new(dwelling: Dwelling, zones: Vec<Zone>) -> Self {
         let names = zones.iter().map(|zone| zone.name.clone()).collect();
-        Self { dwelling, zones, names, present: Vec::new(), pending: Vec::new(), next: 0 }
+        Self { dwelling, zones, names, present: Vec::new(), pending: Vec::new(), reasons: Vec::new(), next: 0 }
     }
 
     /// Numbers events from `next` on.
@@ -256,6 +135,20 @@ impl Events {
         (self.zones, self.names) = (zones, names);
     }
 
+    /// Somebody crossed the threshold, at `place` (m, door frame), with a speed in m/s. Reported with the next update.
+    pub fn crossed(&mut self, time: Timestamp, track: u64, direction: Direction, place: Point, speed_m_s: f64) {
+        push(&mut self.pending, &mut self.next, direction.kind(), track, Moment { time, place }, None);
+        if let Some(event) = self.pending.last_mut() {
+            event.speed_m_s = Some(speed_m_s);
+        }
+    }
+
+    /// Says why the tracks that are missing from the next update have ended; without a word it is
+    /// [`ExitReason::Unseen`].
+    pub fn leaves(&mut self, track: u64, reason: ExitReason) {
+        self.reasons.push((track, reason));
+    }
+
     /// Processes the tracks of an update and, for each, the seconds since its last detection; appends what happened to
     /// `events`. A person whose track is missing has left.
     pub fn observe(&mut self, time: Timestamp, tracks: &[Track], unseen_s: &[f64], events: &mut Vec<Event>) {
@@ -271,8 +164,14 @@ impl Events {
                     push(events, &mut self.next, EventKind::ZoneExit, gone.id, gone.last, name);
                 }
                 push(events, &mut self.next, EventKind::Exit, gone.id, gone.last, None);
+                let reason = self.reasons.iter().find(|(track, _)| *track == gone.id).map(|(_, reason)| *reason);
+                if let (Some(exit), Some(reason)) = (events.last_mut(), reason) {
+                    exit.through = (reason == ExitReason::Door).then_some(Through::Door);
+                    exit.reason = Some(reason);
+                }
             }
         }
+        self.reasons.clear();
     }
 
     /// The occupancy of each zone.

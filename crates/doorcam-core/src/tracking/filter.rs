@@ -6,14 +6,17 @@ use crate::geometry::Point;
 
 /// A Kalman filter for one person: mean and covariance of (x, y, vx, vy), in m and m/s in the door frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Filter {
+pub(crate) struct Filter {
     state: Vector4<f64>,
     covariance: Matrix4<f64>,
 }
 
+/// Error of a velocity that was seen, in m/s.
+const VELOCITY_M_S: f64 = 0.3;
+
 /// How well a position fits a filter's expectation.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Fit {
+pub(crate) struct Fit {
     /// Squared Mahalanobis distance; chi-square distributed with 2 degrees of freedom.
     pub distance2: f64,
     /// Natural log of the probability density, per m².
@@ -26,6 +29,13 @@ impl Filter {
         let mut all = Matrix4::identity() * motion.speed_m_s.powi(2);
         all.fixed_view_mut::<2, 2>(0, 0).copy_from(&matrix(covariance));
         Self { state: Vector4::new(position[0], position[1], 0.0, 0.0), covariance: all }
+    }
+
+    /// A person seen walking, with an error of [`VELOCITY_M_S`] in each direction.
+    pub fn walking(position: Point, velocity: [f64; 2], covariance: &Covariance) -> Self {
+        let mut filter = Self::at(position, covariance, &Motion { speed_m_s: VELOCITY_M_S, ..Motion::WALKING });
+        (filter.state[2], filter.state[3]) = (velocity[0], velocity[1]);
+        filter
     }
 
     /// Predicts the state `seconds` later.

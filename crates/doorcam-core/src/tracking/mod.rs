@@ -6,6 +6,7 @@
 mod association;
 mod colour;
 mod detection;
+mod event_kind;
 mod events;
 mod filter;
 pub mod likelihood;
@@ -18,7 +19,10 @@ mod tracker_tests;
 mod zones;
 
 pub use detection::Detection;
-pub use events::{Direction, Dwelling, Event, EventKind, Events, ExitReason, Occupancy, Through};
+pub use event_kind::{Direction, EventKind, ExitReason, Through};
+pub use events::{Dwelling, Event, Events, Occupancy};
+pub(crate) use filter::Filter;
+pub(crate) use motion::Motion;
 pub use track::{Covariance, Track, TrackState};
 pub use tracker::{Prediction, Tracker, TrackerSettings};
 pub use zones::{Zone, ZoneError};

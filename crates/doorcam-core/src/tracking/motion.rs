@@ -11,7 +11,7 @@ use nalgebra::Matrix4;
 /// of running away. For times well below τ this is the constant-velocity model with white acceleration of density q.
 /// Steps are exact for any length of time, so two short steps equal one long step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Motion {
+pub(crate) struct Motion {
     /// σ, the standard deviation of the velocity along each axis, in m/s.
     pub speed_m_s: f64,
     /// τ, the correlation time of the velocity, in seconds.

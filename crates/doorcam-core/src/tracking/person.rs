@@ -2,7 +2,8 @@ use super::colour::Colour;
 use super::filter::{Filter, Fit};
 use super::motion::Motion;
 use super::tracker::TrackerSettings;
-use super::{Detection, Track, TrackState};
+use super::{Covariance, Detection, Track, TrackState};
+use crate::geometry::Point;
 
 /// Probability that a frame shows a person who is there. Low, because somebody in another person's shadow is missed for
 /// a while.
@@ -32,6 +33,8 @@ const MEETING_S: f64 = 1.0;
 const NOTICED_S: f64 = 0.4;
 /// Standard deviation of the position, in metres, above which a person is lost.
 const LOST_AT_SD_M: f64 = 1.0;
+/// The same for somebody who was seen to come in.
+const KNOWN_LOST_AT_SD_M: f64 = 1.5;
 
 /// How far a confirmed person may go beyond the area where tracks can begin, in metres.
 const OUT_M: f64 = 0.2;
@@ -54,6 +57,8 @@ pub(super) struct Person {
     last_s: f64,
     /// When they were last seen, alone or as one with another.
     noticed_s: f64,
+    /// Whether they were seen to come in, so that they are there until they are seen to leave.
+    admitted: bool,
 }
 
 impl Person {
@@ -70,7 +75,17 @@ impl Person {
             first_s: now_s,
             last_s: now_s,
             noticed_s: now_s,
+            admitted: false,
         }
+    }
+
+    /// A person who was seen to come in.
+    pub fn admitted(id: u64, position: Point, velocity: [f64; 2], covariance: &Covariance, now_s: f64) -> Self {
+        let seen = Detection { position, covariance: *covariance, rgb: [f64::NAN; 3], significance: 0.0 };
+        let mut person = Self::new(id, &seen, false, now_s);
+        person.filter = Filter::walking(position, velocity, covariance);
+        (person.confirmed, person.admitted, person.score) = (true, true, SCORE_CAP);
+        person
     }
 
     /// Log likelihood ratio of the detection being this person to it being something else and the person going unseen;
@@ -139,9 +154,18 @@ impl Person {
         // A confirmed person may be seen a step beyond the walls, but nobody begins there.
         let gone =
             unseen_s > 0.0 && !settings.holds_within(self.filter.position(), if self.confirmed { OUT_M } else { 0.0 });
-        let lost = unseen_s > 0.0 && self.filter.position_sd_m() > LOST_AT_SD_M;
+        let lost_at = if self.admitted { KNOWN_LOST_AT_SD_M } else { LOST_AT_SD_M };
+        let lost = unseen_s > 0.0 && self.filter.position_sd_m() > lost_at;
+        if self.admitted {
+            return gone || lost;
+        }
         let given_up = if self.confirmed { self.score <= 0.0 } else { self.score <= GIVEN_UP_AT };
         gone || lost || given_up || unseen_s >= settings.coast_s - ROUNDING_S
+    }
+
+    /// Whether they were seen to come in.
+    pub fn is_known(&self) -> bool {
+        self.admitted
     }
 
     /// Seconds since the last detection.

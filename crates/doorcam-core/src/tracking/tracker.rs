@@ -55,6 +55,8 @@ pub struct Prediction {
     pub position: Point,
     /// Covariance of the position, in m².
     pub covariance: Covariance,
+    /// Whether they were seen to come in, and not to leave: then they are there, however faint.
+    pub known: bool,
     /// Radiance relative to what is behind the body, as a share of full scale, averaged over the last seconds.
     pub rgb: Rgb,
 }
@@ -137,6 +139,7 @@ impl Tracker {
                 state: track.state,
                 position: filter.position(),
                 covariance: filter.position_covariance(),
+                known: person.is_known(),
                 rgb: track.rgb,
             }
         })
@@ -147,6 +150,12 @@ impl Tracker {
     /// A frame that is not later than the last one counts as simultaneous with it. All tracks end at a gap, or a jump
     /// back in time, of more than `coast_s`.
     pub fn step(&mut self, seconds: f64, detections: &[Detection]) {
+        self.step_with(seconds, detections, true);
+    }
+
+    /// Like [`Self::step`]; without `newcomers`, nobody new is followed, and who is not confirmed yet is dropped. That is
+    /// for frames in which something else than the room may look like people.
+    pub fn step_with(&mut self, seconds: f64, detections: &[Detection], newcomers: bool) {
         let elapsed = self.elapsed(seconds).unwrap_or_else(|| {
             self.people.clear();
             0.0
@@ -160,9 +169,34 @@ impl Tracker {
         }
         self.associate(detections);
         self.update(elapsed, detections);
-        self.begin(detections);
+        if newcomers {
+            self.begin(detections);
+        } else {
+            self.people.retain(|person| person.confirmed);
+        }
         self.confirm();
         self.report();
+    }
+
+    /// Follows somebody who is known to be there, such as one who was seen to come in, from now on: confirmed, with
+    /// position (m) and velocity (m/s) in the door frame. Returns their id.
+    pub fn admit(&mut self, position: Point, velocity: [f64; 2], covariance: &Covariance) -> u64 {
+        let id = self.number();
+        self.people.push(Person::admitted(id, position, velocity, covariance, self.now_s));
+        self.report();
+        id
+    }
+
+    /// Stops following somebody who was seen to leave.
+    pub fn dismiss(&mut self, id: u64) {
+        self.people.retain(|person| person.id != id);
+        self.report();
+    }
+
+    /// A number for somebody who is not followed; it is not used again.
+    pub fn number(&mut self) -> u64 {
+        self.next_id += 1;
+        self.next_id - 1
     }
 
     /// Seconds from the last frame to one at that time; `None` if they are too far apart.

@@ -456,3 +456,37 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn who_was_seen_to_come_in_is_there_until_seen_to_leave() {
+    let mut tracker = Tracker::new(SETTINGS);
+    tracker.step(0.0, &[]);
+    let id = tracker.admit([0.0, 0.1], [0.0, 0.8], &[[0.03, 0.0], [0.0, 0.03]]);
+    let admitted = tracker.tracks()[0];
+    assert_eq!((admitted.id, admitted.state), (id, TrackState::Confirmed));
+    // Unseen for longer than anybody else would be followed, and found again.
+    (1..=20).for_each(|k| tracker.step(0.1 * f64::from(k), &[]));
+    assert_eq!((tracker.tracks()[0].id, tracker.tracks()[0].state), (id, TrackState::Coasting));
+    assert!(tracker.predictions(2.1).all(|prediction| prediction.known));
+    tracker.step(2.1, &[at([0.1, 1.2], GREY)]);
+    assert_eq!((tracker.tracks().len(), tracker.tracks()[0].id), (1, id));
+    assert!(tracker.tracks()[0].state == TrackState::Confirmed);
+    tracker.dismiss(id);
+    assert!(tracker.tracks().is_empty());
+    assert!(tracker.number() > id, "numbers are not used again");
+}
+
+#[test]
+fn nobody_begins_and_nobody_is_confirmed_while_the_light_is_disturbed() {
+    let mut tracker = Tracker::new(SETTINGS);
+    let seen = [at([0.3, 1.5], GREY)];
+    (0..3).for_each(|k| tracker.step(0.1 * f64::from(k), &seen));
+    assert_eq!(tracker.tracks()[0].state, TrackState::Tentative);
+    (3..20).for_each(|k| tracker.step_with(0.1 * f64::from(k), &seen, false));
+    assert!(tracker.tracks().is_empty());
+    (20..40).for_each(|k| tracker.step(0.1 * f64::from(k), &seen));
+    assert_eq!(tracker.tracks()[0].state, TrackState::Confirmed);
+    // Who is followed already goes on.
+    (40..50).for_each(|k| tracker.step_with(0.1 * f64::from(k), &seen, false));
+    assert_eq!(tracker.tracks()[0].state, TrackState::Confirmed);
+}

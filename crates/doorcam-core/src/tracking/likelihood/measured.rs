@@ -67,6 +67,24 @@ pub struct Measured {
     pub(super) energy: f64,
     /// Number of values.
     pub(super) count: f64,
+    /// Per side, the share of the usual information that the frame has. Energy and products are multiplied by it.
+    pub(super) trust: [f64; 2],
+}
+
+impl Measured {
+    /// Takes only a share of each side's information for granted.
+    pub(super) fn trust(&mut self, trust: [f64; 2]) {
+        self.trust = trust;
+        let energy = |s: usize| self.values[s].iter().map(|v| f64::from(v.norm_squared())).sum::<f64>();
+        self.energy = trust[0] * energy(0) + trust[1] * energy(1);
+        self.count =
+            3.0 * (0..2).map(|s| if trust[s] > 0.0 { self.values[s][0].len() as f64 } else { 0.0 }).sum::<f64>();
+    }
+
+    /// Whether both sides say something.
+    pub(super) fn shows_both(&self) -> bool {
+        self.trust.iter().all(|&trust| trust > 0.0)
+    }
 }
 
 /// Assumed variance of the empty room's noise after whitening, where there are too few frames to measure it. More than
@@ -102,6 +120,7 @@ impl Likelihood {
             values: [0, 1].map(|s| [zeros(s), zeros(s), zeros(s)]),
             energy: 0.0,
             count: 3.0 * (self.whiten[0].nrows() + self.whiten[1].nrows()) as f64,
+            trust: [1.0; 2],
         }
     }
 

@@ -37,6 +37,8 @@ type Shapes = SMatrix<f64, P, P>;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Prior {
     pub place: Place,
+    /// Whether somebody is known to be there.
+    pub known: bool,
     pub information: Matrix2<f64>,
 }
 
@@ -184,12 +186,12 @@ impl Refiner {
             let columns = |k: usize| self.bodies[s][k / EACH][k % EACH].as_slice();
             for i in 0..EACH * count {
                 for j in 0..=i {
-                    let product = dot(columns(i), columns(j));
+                    let product = frame.trust[s] * dot(columns(i), columns(j));
                     self.products[s][(i, j)] = product;
                     self.products[s][(j, i)] = product;
                 }
                 for c in 0..3 {
-                    self.measured[s][(i, c)] = dot(columns(i), frame.values[s][c].as_slice());
+                    self.measured[s][(i, c)] = frame.trust[s] * dot(columns(i), frame.values[s][c].as_slice());
                 }
             }
         }

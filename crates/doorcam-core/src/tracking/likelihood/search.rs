@@ -19,6 +19,9 @@ const LEAST_CONTRAST: f64 = 0.1;
 const EACH_EDGE: f64 = 12.0;
 /// Share of the last three limits that an expected person must reach.
 const KEPT: f64 = 0.9;
+/// Least evidence for somebody who is known to be there, and the share of the last three limits.
+const KNOWN: f64 = -24.0;
+const KNOWN_KEPT: f64 = 0.2;
 /// Most seeds that are tried, strongest first.
 const TRIED: usize = 3;
 /// Largest difference in azimuth, in radians, at which a seed may be a person already found, at another distance.
@@ -67,14 +70,30 @@ impl Finder {
         seeds: &[Point],
         elapsed_s: f64,
     ) -> &[Detection] {
+        self.find_with(difference, [1.0; 2], expected, seeds, elapsed_s)
+    }
+
+    /// Like [`Self::find`], in a frame whose patches have only a share `trust` of their usual information (left, right):
+    /// less than 1 if a part is covered or noisier than usual, 0 if a patch says nothing. Nobody new is found with one
+    /// patch alone.
+    pub fn find_with(
+        &mut self,
+        difference: &PatchPair,
+        trust: [f64; 2],
+        expected: impl Iterator<Item = Prediction>,
+        seeds: &[Point],
+        elapsed_s: f64,
+    ) -> &[Detection] {
         self.likelihood.measure(difference, &mut self.frame);
+        self.frame.trust(trust);
         self.people.clear();
         for prediction in expected.take(MOST_PEOPLE) {
             self.people.extend(prior(&prediction).map(|prior| Candidate::at(prior.place, Some(prior))));
         }
         let mut left = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
         left = self.prune(left);
-        for &seed in seeds.iter().take(TRIED) {
+        let tried = if self.frame.shows_both() { TRIED } else { 0 };
+        for &seed in seeds.iter().take(tried) {
             left = self.consider(Place::from_point(seed), left);
         }
         let sluggish = (ERROR_LASTS_S / elapsed_s.max(1e-3)).max(1.0);
@@ -88,7 +107,10 @@ impl Finder {
     /// Drops people who are not credible, one at a time.
     fn prune(&mut self, mut left: Left) -> Left {
         loop {
-            let doubtful = |k: &usize| !self.is_credible(*k, 0.0, KEPT);
+            let known = |k: usize| self.people[k].prior.is_some_and(|prior| prior.known);
+            let doubtful = |k: &usize| {
+                if known(*k) { !self.is_credible(*k, KNOWN, KNOWN_KEPT) } else { !self.is_credible(*k, 0.0, KEPT) }
+            };
             let weakest = (0..self.people.len())
                 .filter(doubtful)
                 .min_by(|&a, &b| self.people[a].evidence.total_cmp(&self.people[b].evidence));
@@ -112,7 +134,7 @@ impl Finder {
         };
         !in_wall
             && person.evidence >= least
-            && person.weaker >= strict * EACH_EDGE
+            && person.weaker >= strict * EACH_EDGE * f64::from(u8::from(self.frame.shows_both()))
             && contrast >= least_contrast * least_contrast
             && !self.people.iter().any(explained)
     }
@@ -185,8 +207,11 @@ fn prior(prediction: &Prediction) -> Option<Prior> {
     let place = Place::from_point(prediction.position);
     let jacobian = place.jacobian();
     let information = jacobian.transpose() * Matrix2::new(xx, xy, yx, yy).try_inverse()? * jacobian;
-    (jacobian.iter().chain(&information).all(|v| v.is_finite()) && place.log_range > -3.0)
-        .then_some(Prior { place, information })
+    (jacobian.iter().chain(&information).all(|v| v.is_finite()) && place.log_range > -3.0).then_some(Prior {
+        place,
+        information,
+        known: prediction.known,
+    })
 }
 
 /// The detection that the frame alone supports: the prior with which the person was found is removed again. The model

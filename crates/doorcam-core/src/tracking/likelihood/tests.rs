@@ -5,6 +5,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::*;
 use crate::geometry::{Doorway, Point, Room, Side};
 use crate::light::{FanPair, PatchPair};
+use crate::tracking::{Prediction, TrackState};
 use crate::transport::{Body, FloorView, PatchGrid, PixelLayout};
 
 const DOOR: Doorway = Doorway { width_m: 0.7, wall_thickness_m: 0.1, height_m: Some(2.0) };
@@ -136,4 +137,34 @@ fn the_table_is_the_formula_between_its_places_too() {
             assert!(errors < 0.05 * 0.05 * squares, "{centre:?} {side:?}: {}", (errors / squares).sqrt());
         }
     }
+}
+
+#[test]
+fn one_patch_alone_tells_the_direction_of_somebody_who_is_expected_and_finds_nobody_new() {
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let place = [0.5, 1.6];
+    let mut pair = measurement(&[(place, [-0.2, -0.15, -0.1])], &mut random);
+    let mut finder = finder();
+    let expected = |known: bool| Prediction {
+        id: 1,
+        state: TrackState::Confirmed,
+        position: [0.45, 1.5],
+        covariance: [[0.04, 0.0], [0.0, 0.04]],
+        known,
+        rgb: [-0.1; 3],
+    };
+    let both = finder.find_with(&pair, [1.0; 2], [expected(false)].into_iter(), &[], 0.1)[0];
+    assert_eq!(finder.find(&pair, [expected(false)].into_iter(), &[], 0.1)[0], both);
+    // The right patch is covered.
+    pair.right.data_mut().fill(0.0);
+    let one = finder.find_with(&pair, [1.0, 0.0], [expected(true)].into_iter(), &[], 0.1).to_vec();
+    let [[xx, xy], [_, yy]] = one[0].covariance;
+    // Across the direction from the left edge the place is as certain as before, along it it is not.
+    let [dx, dy] = [place[0] + 0.5 * DOOR.width_m, place[1]];
+    let r = dx.hypot(dy);
+    let [along, across] =
+        [[dx / r, dy / r], [-dy / r, dx / r]].map(|[a, b]| (a * a * xx + 2.0 * a * b * xy + b * b * yy).sqrt());
+    assert!(across < 0.12 && along > 3.0 * across, "{across} {along}");
+    assert!(along > both.covariance[1][1].sqrt(), "{along} {both:?}");
+    assert!(finder.find_with(&pair, [1.0, 0.0], std::iter::empty(), &[place], 0.1).is_empty());
 }

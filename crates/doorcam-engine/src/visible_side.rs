@@ -1,0 +1,123 @@
+use doorcam_core::calibration::Camera;
+use doorcam_core::geometry::{Doorway, Side};
+use doorcam_core::light::Usable;
+use doorcam_core::transport::PatchGrid;
+use doorcam_core::visible::{Cells, Crossing, Grid, Overview, Pose, Sighting, Silhouettes, StillScene, Walkers};
+
+/// Seconds between two looks at the whole picture: enough to follow somebody who walks, and cheap.
+const LOOK_S: f64 = 0.15;
+/// Most people who are looked for in one picture.
+const MOST_WALKERS: usize = 3;
+/// Covered cells from which somebody or something is there.
+const SOMETHING: usize = 8;
+/// Share of the places before the threshold at which a body has to be in the picture.
+const LEAST_COVERAGE: f64 = 0.5;
+/// How long after the last sign of somebody on the visible side their shadow may still be there, in seconds.
+const CALM_S: f64 = 1.0;
+
+/// Looks at the camera's own side: what covers the floor there, and who goes through the doorway.
+#[derive(Debug, Clone)]
+pub(crate) struct VisibleSide {
+    overview: Overview,
+    scene: StillScene,
+    covered: Cells,
+    silhouettes: Silhouettes,
+    walkers: Walkers,
+    sightings: Vec<Sighting>,
+    crossings: Vec<Crossing>,
+    /// Per side and pixel of the patches, the cell that shows it.
+    cells: [Vec<Option<usize>>; 2],
+    looked_s: Option<f64>,
+    busy_s: Option<f64>,
+}
+
+impl VisibleSide {
+    /// What a camera with pictures of `size` (width, height) sees around a doorway.
+    ///
+    /// # Errors
+    /// In words, why people who walk through cannot be told.
+    pub(crate) fn new(
+        camera: &Camera,
+        size: [usize; 2],
+        doorway: &Doorway,
+        patch: &PatchGrid,
+    ) -> Result<Self, &'static str> {
+        let grid = Grid::new(size);
+        let pose = Pose::of(camera, size).ok_or("the calibration does not tell where the camera is")?;
+        let silhouettes = Silhouettes::new(&pose, grid, doorway);
+        if silhouettes.coverage(doorway) < LEAST_COVERAGE {
+            return Err("the picture shows too little of the threshold and the floor before it");
+        }
+        let cells = Side::BOTH.map(|side| {
+            let cell = |k: usize| {
+                let point = patch.point(doorway, side, k / patch.size, k % patch.size);
+                camera.project(point).and_then(|pixel| grid.at(pixel))
+            };
+            (0..patch.pixels()).map(cell).collect()
+        });
+        Ok(Self {
+            overview: Overview::new(grid),
+            scene: StillScene::new(grid),
+            covered: Cells::new(grid.len()),
+            silhouettes,
+            walkers: Walkers::new(doorway),
+            sightings: Vec::with_capacity(MOST_WALKERS),
+            crossings: Vec::new(),
+            cells,
+            looked_s: None,
+            busy_s: None,
+        })
+    }
+
+    /// The picture to fill if it is time for another look.
+    pub(crate) fn due(&mut self, seconds: f64) -> Option<&mut Overview> {
+        let due = self.looked_s.is_none_or(|last| !(0.0..LOOK_S - 1e-6).contains(&(seconds - last)));
+        due.then_some(&mut self.overview)
+    }
+
+    /// Looks at the picture that was filled. `learning`: the empty room is being learned, so nobody should be there.
+    pub(crate) fn look(&mut self, seconds: f64, learning: bool) {
+        let step_s = self.looked_s.replace(seconds).map_or(0.0, |last| (seconds - last).clamp(0.0, 1.0));
+        if learning {
+            self.scene.learn(&self.overview);
+            self.covered.clear();
+            return;
+        }
+        self.scene.compare(&self.overview, step_s, &mut self.covered);
+        self.silhouettes.find(&self.covered, MOST_WALKERS, &mut self.sightings);
+        self.crossings.clear();
+        self.crossings.extend_from_slice(self.walkers.step(seconds, &self.sightings));
+        if self.covered.count() >= SOMETHING {
+            self.busy_s = Some(seconds);
+        }
+    }
+
+    /// What has become certain since it was last asked for.
+    pub(crate) fn take_crossings(&mut self) -> Vec<Crossing> {
+        std::mem::take(&mut self.crossings)
+    }
+
+    /// Who is there.
+    pub(crate) fn walkers(&self) -> &Walkers {
+        &self.walkers
+    }
+
+    /// Something on the visible side disturbs the patches at this time.
+    pub(crate) fn disturb(&mut self, seconds: f64) {
+        self.busy_s = Some(seconds);
+    }
+
+    /// Whether somebody is on the visible side, or has been a moment ago.
+    pub(crate) fn is_busy(&self, seconds: f64) -> bool {
+        self.busy_s.is_some_and(|last| (0.0..CALM_S).contains(&(seconds - last)))
+    }
+
+    /// Takes out the pixels of the patches that the newest look shows covered.
+    pub(crate) fn mask(&self, usable: &mut Usable) {
+        for (side, cells) in Side::BOTH.into_iter().zip(&self.cells) {
+            for (usable, cell) in usable.side_mut(side).iter_mut().zip(cells) {
+                *usable &= !cell.is_some_and(|cell| self.covered.has(cell));
+            }
+        }
+    }
+}
