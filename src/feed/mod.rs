@@ -233,5 +233,5 @@ pub fn open_recording(directory: &Path) -> Result<Recording, SourceError> {
 /// If there is no such scenario or it cannot be simulated.
 pub fn simulator(scenario: &str, seed: u64) -> Result<Simulator, FeedError> {
     let refused = |reason: String| FeedError::Simulation { scenario: scenario.into(), reason };
-    Simulator::new(Scenario::load(scenario)?, seed).map_err(refused)
+    Simulator::new(Scenario::varied(scenario, seed)?, seed).map_err(refused)
 }

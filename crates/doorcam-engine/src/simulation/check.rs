@@ -7,6 +7,8 @@ use doorcam_source::recording::Layout;
 /// Longest side of a picture in pixels, and longest scenario in frames: limits that only mistyped numbers exceed.
 const MOST_PIXELS: usize = 4096;
 const MOST_FRAMES: f64 = 1e7;
+/// Most bumps of a camera: each has a view of its own, of some ten megabytes.
+const MOST_BUMPS: usize = 16;
 
 fn within(key: &str, value: f64, low: f64, high: f64, unit: &str) -> Result<(), String> {
     if (low..=high).contains(&value) {
@@ -85,10 +87,72 @@ pub(super) fn check(scenario: &Scenario) -> Result<(), String> {
     light("visible.rgb", visible.rgb)?;
     within("visible.drift", visible.drift, 0.0, 0.9, "a part of the visible light")?;
     within("visible.drift_period_s", visible.drift_period_s, 0.1, 1e6, "seconds")?;
+    check_visible_side(scenario)?;
     within("floor.speckle", scenario.floor.speckle, 0.0, 0.3, "a part of the albedo")?;
     within("floor.grain_m", scenario.floor.grain_m, 0.0005, 0.1, "metres")?;
     check_camera(&scenario.camera)?;
     scenario.flicker.as_ref().map_or(Ok(()), check_flicker)
+}
+
+fn check_visible_side(scenario: &Scenario) -> Result<(), String> {
+    let lamps = &scenario.visible.lamp;
+    for (k, lamp) in lamps.iter().enumerate() {
+        let [x, y, z] = lamp.at_m;
+        within(&format!("visible.lamp[{k}].at_m[0]"), x, -20.0, 20.0, "metres")?;
+        let before = -scenario.doorway.wall_thickness_m - 0.01;
+        within(&format!("visible.lamp[{k}].at_m[1]"), y, -20.0, before, "metres on the visible side")?;
+        within(&format!("visible.lamp[{k}].at_m[2]"), z, 0.1, 10.0, "metres")?;
+        within(&format!("visible.lamp[{k}].radius_m"), lamp.radius_m, 0.0, 2.0, "metres")?;
+        within(&format!("visible.lamp[{k}].share"), lamp.share, 0.0, 1.0, "a part of the visible light")?;
+    }
+    within("the sum of visible.lamp's share", lamps.iter().map(|lamp| lamp.share).sum(), 0.0, 1.0, "a part")?;
+    for (k, object) in scenario.object.iter().enumerate() {
+        let [x, y] = object.at_m;
+        within(&format!("object[{k}].at_m[0]"), x, -20.0, 20.0, "metres")?;
+        within(&format!("object[{k}].at_m[1]"), y, -20.0, 20.0, "metres")?;
+        within(&format!("object[{k}].length_m"), object.length_m, 0.02, 3.0, "metres")?;
+        within(
+            &format!("object[{k}].thickness_m"),
+            object.thickness_m,
+            0.02,
+            object.length_m,
+            "metres, at most length_m,",
+        )?;
+        within(&format!("object[{k}].turn_deg"), object.turn_deg, -360.0, 360.0, "degrees")?;
+        albedo(&format!("object[{k}].albedo"), object.albedo)?;
+        within(&format!("object[{k}].from_s"), object.from_s, 0.0, 1e9, "seconds after the empty time")?;
+        if let Some(until) = object.until_s {
+            within(&format!("object[{k}].until_s"), until, object.from_s, 1e9, "seconds, not before from_s,")?;
+        }
+    }
+    albedo("wall.albedo", scenario.wall.albedo)?;
+    within("wall.speckle", scenario.wall.speckle, 0.0, 0.3, "a part of the albedo")?;
+    within("wall.grain_m", scenario.wall.grain_m, 0.0005, 0.1, "metres")?;
+    let patches = scenario.camera.layout == Layout::Patches;
+    if patches && (scenario.shows_people() || !scenario.camera.bump.is_empty()) {
+        return Err(
+            "camera.layout is \"patches\", expected \"camera\": patches show nobody on the visible side and no bump"
+                .into(),
+        );
+    }
+    Ok(())
+}
+
+fn check_bumps(bumps: &[(f64, f64, f64, f64)]) -> Result<(), String> {
+    if bumps.len() > MOST_BUMPS {
+        return Err(format!("camera.bump has {} entries, expected at most {MOST_BUMPS}", bumps.len()));
+    }
+    let rising = bumps.windows(2).all(|pair| pair[0].0 < pair[1].0);
+    let possible = |&(t, right, down, turn): &(f64, f64, f64, f64)| {
+        t >= 0.0 && t.is_finite() && [right, down].iter().all(|px| px.abs() <= 1000.0) && (-45.0..=45.0).contains(&turn)
+    };
+    if rising && bumps.iter().all(possible) {
+        return Ok(());
+    }
+    Err(format!(
+        "camera.bump is {bumps:?}, expected [seconds, right, down, degrees] with rising times from 0 on, at most 1000 \
+         pixels and 45 degrees"
+    ))
 }
 
 fn check_person(k: usize, person: &PersonSpec) -> Result<(), String> {
@@ -96,6 +160,7 @@ fn check_person(k: usize, person: &PersonSpec) -> Result<(), String> {
     within(&format!("person[{k}].height_m"), person.height_m, 0.5, 2.3, "metres")?;
     albedo(&format!("person[{k}].clothes"), person.clothes)?;
     albedo(&format!("person[{k}].skin"), person.skin)?;
+    person.trousers.map_or(Ok(()), |trousers| albedo(&format!("person[{k}].trousers"), trousers))?;
     let finite = person.walk.iter().all(|&(t, x, y)| t.is_finite() && x.is_finite() && y.is_finite());
     let rising = person.walk.windows(2).all(|pair| pair[0].0 < pair[1].0);
     if !(finite && rising) || person.walk.is_empty() {
@@ -136,6 +201,7 @@ fn check_camera(camera: &CameraSpec) -> Result<(), String> {
     }
     within("camera.level", camera.level, 0.001, 1.0, "a part of full scale")?;
     entries("camera.exposure", &camera.exposure)?;
+    check_bumps(&camera.bump)?;
     within("camera.full_scale_electrons", camera.full_scale_electrons, 100.0, f64::INFINITY, "electrons")?;
     within("camera.read_electrons", camera.read_electrons, 0.0, 1e6, "electrons")?;
     within("camera.quality", camera.quality.into(), 1.0, 100.0, "a quality")?;
@@ -189,7 +255,7 @@ mod tests {
     fn unknown(key: &str) -> String {
         format!(
             "unknown field `{key}`, expected one of `description`, `fps`, `background_s`, `duration_s`, `doorway`, `room`, \
-             `panel`, `lamp`, `person`, `visible`, `floor`, `camera`, `flicker`"
+             `panel`, `lamp`, `person`, `visible`, `object`, `floor`, `wall`, `camera`, `flicker`"
         )
     }
 }

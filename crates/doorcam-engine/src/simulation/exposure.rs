@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::scenario::{CameraSpec, FlickerSpec};
 use super::view::View;
+use super::visible::Sight;
 use doorcam_core::optics::Transfer;
 
 /// Entries of the table from light to codes: fine enough for the steepest part of sRGB.
@@ -25,7 +26,7 @@ pub(super) struct Exposure {
 }
 
 /// What varies from frame to frame.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Shot {
     pub(super) seed: u64,
     pub(super) number: u64,
@@ -34,6 +35,8 @@ pub(super) struct Shot {
     pub(super) gain: f64,
     /// The visible side's light where it is not blocked.
     pub(super) visible: [f64; 3],
+    /// What the visible side's lamps and people make of each pixel; none if there are none.
+    pub(super) sights: Option<Vec<Sight>>,
 }
 
 impl Exposure {
@@ -73,12 +76,20 @@ impl Exposure {
             for (row, (codes, pixels)) in codes.chunks_mut(3 * view.width).zip(pixels.chunks(view.width)).enumerate() {
                 let [hidden, visible] = self.flicker(shot, BAND * band + row);
                 let hidden = (shot.gain * hidden) as f32;
+                let visible_gain = (shot.gain * visible) as f32;
                 let visible = shot.visible.map(|v| (shot.gain * visible * v) as f32);
-                for (codes, pixel) in codes.chunks_exact_mut(3).zip(pixels) {
+                let first = (BAND * band + row) * view.width;
+                for (k, (codes, pixel)) in codes.chunks_exact_mut(3).zip(pixels).enumerate() {
                     let [a, b] = pixel.taps.map(|tap| tap.of(light));
+                    let sight = shot.sights.as_ref().map(|sights| &sights[first + k]);
                     for (c, out) in codes.iter_mut().enumerate() {
-                        let on_floor = hidden * (a[c] + b[c]) + visible[c] * pixel.visible;
-                        let light = pixel.floor[c] * on_floor + pixel.flat[c] * visible[c];
+                        let falls = sight.map_or(pixel.visible, |sight| sight.floor[c]);
+                        let on_floor = hidden * (a[c] + b[c]) + visible[c] * falls;
+                        let mut light = pixel.floor[c] * on_floor + pixel.flat[c] * visible[c];
+                        if let Some(sight) = sight {
+                            // A body's own light, of both sides, flickers with that of the visible side.
+                            light = light * (1.0 - sight.covered) + visible_gain * sight.body[c];
+                        }
                         *out = code(noise.add(light));
                     }
                 }
@@ -150,11 +161,11 @@ mod tests {
     /// A grey floor, lit by the visible side only.
     fn grey(size: usize) -> View {
         let pixel = Pixel { taps: [Tap::default(); 2], floor: [0.5; 3], flat: [0.0; 3], visible: 1.0 };
-        View { pixels: vec![pixel; size * size], width: size }
+        View { pixels: vec![pixel; size * size], places: vec![[0.0; 2]; size * size], width: size }
     }
 
     fn shot(number: u64) -> Shot {
-        Shot { seed: 7, number, seconds: number as f64 / 10.0, gain: 1.0, visible: [0.8; 3] }
+        Shot { seed: 7, number, seconds: number as f64 / 10.0, gain: 1.0, visible: [0.8; 3], sights: None }
     }
 
     const DARK: [[f32; 3]; 2] = [[0.0; 3]; 2];

@@ -70,8 +70,9 @@ impl Lamp {
         let middle = ((beside - part.radius).max(-width) + (beside + part.radius).min(width)) / 2.0 - beside;
         let chord = (part.radius * part.radius - middle * middle).max(0.0).sqrt();
         let height = |at: f64| place[2] + (self.at[2] - place[2]) * (at / range).clamp(0.0, 1.0);
-        let lowest = height(along - chord).min(height(along + chord));
-        across * below((part.top - lowest) / width)
+        let (near, far) = (height(along - chord), height(along + chord));
+        let beneath = if part.bottom > 0.0 { below((part.bottom - near.max(far)) / width) } else { 0.0 };
+        across * (below((part.top - near.min(far)) / width) - beneath).max(0.0)
     }
 }
 
@@ -117,7 +118,7 @@ mod tests {
     /// Compared with rays to points spread over the sphere, each marched to test for the cylinder.
     #[test]
     fn a_shadow_equals_the_share_of_rays_that_the_cylinder_stops() {
-        let part = Part { centre: [0.0, 1.8], radius: 0.2, top: 1.6 };
+        let part = Part { centre: [0.0, 1.8], radius: 0.2, bottom: 0.0, top: 1.6 };
         let lamp = lamp(0.12, LampKind::Bulb);
         let (mut partial, mut whole) = (0, 0);
         for place in (0..30).map(|k| [-0.9 + 0.05 * f64::from(k), 3.0, 0.7]) {

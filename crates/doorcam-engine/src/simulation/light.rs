@@ -2,7 +2,7 @@ use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-use super::figure::{Figure, Part};
+use super::figure::{Ambient, Figure, Opening, Part};
 use super::floor::{FloorMap, FloorNode, Tap};
 use super::lamp::{Lamp, below};
 use super::room::{Shell, Taps};
@@ -18,6 +18,8 @@ const ELEVATIONS: usize = 14;
 /// or show.
 const NODES: usize = 4;
 const STEPS: usize = 3;
+/// How far beside and in front of the opening somebody on the visible side may stand in its light, in metres.
+const VISIBLE_M: f64 = 2.0;
 /// Minimum radius of a lamp seen from the floor, in radians: half the angular step of a fan. A smaller lamp would make
 /// the steps visible.
 const LEAST_LAMP: f64 = 0.012;
@@ -94,8 +96,9 @@ impl RoomLight {
         self.needed = self.floor.nodes_of(places);
     }
 
-    /// The light on the floor with each lamp at its level, as values of [`FloorMap::refine`].
-    pub(super) fn light(&self, levels: &[f64], mut people: Vec<Figure>) -> Vec<[f32; 3]> {
+    /// The light on the floor with each lamp at its level, as values of [`FloorMap::refine`]. `visible` is the visible
+    /// side's light, which falls on those of the people who are there.
+    pub(super) fn light(&self, levels: &[f64], mut people: Vec<Figure>, visible: Rgb) -> Vec<[f32; 3]> {
         let mut nodes: Vec<Rgb> = vec![[0.0; 3]; self.floor.nodes.len()];
         for (empty, level) in self.empty.iter().zip(levels) {
             for (node, empty) in nodes.iter_mut().zip(empty) {
@@ -104,7 +107,7 @@ impl RoomLight {
         }
         people.retain(|figure| self.is_near(figure));
         if !people.is_empty() {
-            self.light_people(levels, &mut people);
+            self.light_people(levels, visible, &mut people);
             let radiance = self.radiance(levels, &people);
             let needed = nodes.par_iter_mut().enumerate().filter(|(k, _)| self.needed[*k]);
             needed.for_each_init(Hits::default, |hits, (k, node)| {
@@ -115,20 +118,33 @@ impl RoomLight {
         self.floor.refine(&nodes)
     }
 
-    /// Whether any part of the person is in the room.
+    /// Whether any part of the person is in the room, or where it may stand in the light of the opening.
     fn is_near(&self, figure: &Figure) -> bool {
-        let Part { centre: [x, y], radius, .. } = figure.parts[0];
-        x.abs() < self.shell.half_width + radius && (0.0..self.shell.depth + radius).contains(&y)
+        let Shell { half_width, depth, .. } = self.shell;
+        figure.parts.iter().any(|&Part { centre: [x, y], radius, .. }| match y {
+            0.0.. => x.abs() < half_width + radius && y < depth + radius,
+            _ => x.abs() < VISIBLE_M && y > -VISIBLE_M,
+        })
     }
 
-    fn light_people(&self, levels: &[f64], people: &mut [Figure]) {
-        let parts: Vec<[Part; 2]> = people.iter().map(|p| p.parts).collect();
-        let ambient = self.ambient_at(levels);
+    fn light_people(&self, levels: &[f64], visible: Rgb, people: &mut [Figure]) {
+        let parts: Vec<Vec<Part>> = people.iter().map(|p| p.parts.clone()).collect();
+        let ambient = Ambient { room: self.ambient_at(levels), visible };
+        let opening = Opening { half_width: self.doorway.half_width(), height: self.opening_height() };
         for (k, figure) in people.iter_mut().enumerate() {
-            let others: Vec<Part> =
-                parts.iter().enumerate().filter(|(other, _)| *other != k).flat_map(|(_, parts)| *parts).collect();
-            figure.light(&self.lamps, levels, ambient, &others);
+            let others: Vec<Part> = parts
+                .iter()
+                .enumerate()
+                .filter(|(other, _)| *other != k)
+                .flat_map(|(_, parts)| parts.iter().copied())
+                .collect();
+            figure.light(&self.lamps, levels, ambient, opening, &others);
         }
+    }
+
+    /// Without a lintel the opening ends at the ceiling: light from above it belongs to the visible side.
+    fn opening_height(&self) -> f64 {
+        self.doorway.height_m.unwrap_or(f64::INFINITY).min(self.shell.height)
     }
 
     fn ambient_at(&self, levels: &[f64]) -> Rgb {
@@ -192,7 +208,7 @@ impl RoomLight {
     /// Adds what people show and subtracts what they hide, one wedge of azimuth after the other.
     fn add_people(&self, node: &FloorNode, people: &[Figure], radiance: &Radiance, hits: &mut Hits, light: &mut Rgb) {
         let [first, last] = node.azimuths;
-        let Hits { breaks, met } = hits;
+        let Hits { breaks, column } = hits;
         breaks.clear();
         for part in people.iter().flat_map(|p| &p.parts) {
             let [from, to] = part.outline(node.at).unwrap_or([first, last]);
@@ -203,12 +219,12 @@ impl RoomLight {
         breaks.sort_by(f64::total_cmp);
         for pair in breaks.windows(2).filter(|pair| pair[1] - pair[0] > 1e-9) {
             let middle = direction((pair[0] + pair[1]) / 2.0);
-            if !people.iter().any(|p| p.parts[0].meet(node.at, middle).is_some()) {
+            if !people.iter().flat_map(|p| &p.parts).any(|part| part.meet(node.at, middle).is_some()) {
                 continue;
             }
             for (phi, width) in self.rule.over(pair[0], pair[1]) {
                 let ray = direction(phi);
-                let change = self.column(node, ray, people, radiance, met);
+                let change = self.column(node, ray, people, radiance, column);
                 let weight = width * node.weight(ray);
                 (0..3).for_each(|c| light[c] += weight * change[c]);
             }
@@ -216,49 +232,63 @@ impl RoomLight {
     }
 
     /// ∫ ΔL sin ε cos ε dε = ½ ∫ ΔL ds, s = sin² ε, over one azimuth.
-    fn column(&self, node: &FloorNode, ray: Point, people: &[Figure], radiance: &Radiance, met: &mut Vec<Met>) -> Rgb {
+    fn column(
+        &self,
+        node: &FloorNode,
+        ray: Point,
+        people: &[Figure],
+        radiance: &Radiance,
+        scratch: &mut ColumnScratch,
+    ) -> Rgb {
         let wall = self.shell.wall(node.at, ray);
+        let ColumnScratch { met, hidden, covered } = scratch;
         met.clear();
         for (who, figure) in people.iter().enumerate() {
             for (part, cylinder) in figure.parts.iter().enumerate() {
                 // People behind the wall are not in the room.
-                if let Some(distance) = cylinder.meet(node.at, ray).filter(|&d| d < wall.distance) {
-                    met.push(Met { who, part, distance, s: sine_squared(cylinder.top, distance) });
+                if let Some([distance, back]) = cylinder.meet(node.at, ray).filter(|[front, _]| *front < wall.distance)
+                {
+                    // From below, the underside hides what is above its far rim.
+                    let s = [sine_squared(cylinder.bottom, back), sine_squared(cylinder.top, distance)];
+                    met.push(Met { who, part, distance, s });
                 }
             }
         }
         met.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         let open = self.open(node, ray);
-        let mut covered = 0.0;
+        covered.clear();
         let mut light = [0.0; 3];
-        for &Met { who, part, distance, s } in met.iter() {
-            let top = s.min(open);
-            if top <= covered {
-                continue;
-            }
+        for &Met { who, part, distance, s: [from, to] } in met.iter() {
+            hidden.clear();
+            free(covered, from, to.min(open), hidden);
             let at = [node.at[0] + distance * ray[0], node.at[1] + distance * ray[1]];
             let figure = &people[who];
             let Part { centre, radius, .. } = figure.parts[part];
             let normal = [(at[0] - centre[0]) / radius, (at[1] - centre[1]) / radius];
             let column = figure.column(part, normal);
-            let step = (top - covered) / STEPS as f64;
-            for j in 0..STEPS {
-                let s = covered + (j as f64 + 0.5) * step;
-                let shown = column.at(distance * (s / (1.0 - s)).sqrt());
-                (0..3).for_each(|c| light[c] += 0.5 * step * shown[c]);
+            for &(from, to) in hidden.iter() {
+                let step = (to - from) / STEPS as f64;
+                for j in 0..STEPS {
+                    let s = from + (j as f64 + 0.5) * step;
+                    let shown = column.at(distance * (s / (1.0 - s)).sqrt());
+                    (0..3).for_each(|c| light[c] += 0.5 * step * shown[c]);
+                }
+                cover(covered, from, to);
             }
-            covered = top;
         }
-        let edge = sine_squared(self.shell.height, wall.distance).min(covered);
-        for (from, to) in [(0.0, edge), (edge, covered)] {
+        let edge = sine_squared(self.shell.height, wall.distance);
+        for (from, to) in covered.iter().flat_map(|&(from, to)| {
+            let edge = edge.clamp(from, to);
+            [(from, edge), (edge, to)]
+        }) {
             let step = (to - from) / STEPS as f64;
             if step <= 0.0 {
                 continue;
             }
             for j in 0..STEPS {
                 let taps = self.shell.taps(node.at, ray, &wall, from + (j as f64 + 0.5) * step);
-                let hidden = radiance.at(&taps);
-                (0..3).for_each(|c| light[c] -= 0.5 * step * hidden[c]);
+                let behind = radiance.at(&taps);
+                (0..3).for_each(|c| light[c] -= 0.5 * step * behind[c]);
             }
         }
         light
@@ -266,14 +296,7 @@ impl RoomLight {
 
     /// sin² of the elevation at which the opening ends.
     fn open(&self, node: &FloorNode, ray: Point) -> f64 {
-        match self.doorway.height_m {
-            height if node.at[1] < 0.0 => {
-                // Without a lintel the opening ends at the ceiling: light from above it belongs to the visible side.
-                let height = height.unwrap_or(f64::INFINITY).min(self.shell.height);
-                sine_squared(height, -node.at[1] / ray[1])
-            }
-            _ => 1.0,
-        }
+        if node.at[1] < 0.0 { sine_squared(self.opening_height(), -node.at[1] / ray[1]) } else { 1.0 }
     }
 
     /// Adds up a node's light per unit radiance of each texel.
@@ -367,7 +390,17 @@ impl Radiance {
 #[derive(Default)]
 struct Hits {
     breaks: Vec<f64>,
+    column: ColumnScratch,
+}
+
+/// Scratch lists of one azimuth.
+#[derive(Default)]
+struct ColumnScratch {
     met: Vec<Met>,
+    /// What one part hides.
+    hidden: Vec<(f64, f64)>,
+    /// What all nearer parts hide: intervals of s, rising, without overlaps.
+    covered: Vec<(f64, f64)>,
 }
 
 /// A part of a person that a ray meets.
@@ -375,8 +408,41 @@ struct Met {
     who: usize,
     part: usize,
     distance: f64,
-    /// sin² of the elevation of its top.
-    s: f64,
+    /// sin² of the elevations of its bottom and top.
+    s: [f64; 2],
+}
+
+/// Adds to `free` those parts of an interval that `covered` leaves.
+fn free(covered: &[(f64, f64)], mut from: f64, to: f64, free: &mut Vec<(f64, f64)>) {
+    for &(first, last) in covered {
+        if first > from {
+            free.push((from, first.min(to)));
+        }
+        from = from.max(last);
+        if from >= to {
+            break;
+        }
+    }
+    if from < to {
+        free.push((from, to));
+    }
+    free.retain(|(from, to)| from < to);
+}
+
+/// Adds an interval that nothing covers yet, and joins it with those that it touches.
+fn cover(covered: &mut Vec<(f64, f64)>, from: f64, to: f64) {
+    let at = covered.partition_point(|&(_, last)| last < from);
+    match covered.get(at).copied() {
+        Some((first, last)) if last == from => {
+            let next = covered.get(at + 1).copied().filter(|&(next, _)| next == to);
+            covered[at] = (first, next.map_or(to, |(_, end)| end));
+            if next.is_some() {
+                covered.remove(at + 1);
+            }
+        }
+        Some((first, last)) if first == to => covered[at] = (from, last),
+        _ => covered.insert(at, (from, to)),
+    }
 }
 
 /// ρ Φ / (S (1 − ρ)), where the doorway reflects nothing.

@@ -5,7 +5,7 @@ use super::*;
 
 fn person(x: f64, y: f64, clothes: Rgb) -> PersonSpec {
     let walk = vec![(0.0, x, y)];
-    PersonSpec { radius_m: 0.2, height_m: 1.75, clothes, skin: [0.5, 0.4, 0.3], walk, repeat_s: None }
+    PersonSpec { radius_m: 0.2, height_m: 1.75, clothes, skin: [0.5, 0.4, 0.3], trousers: None, walk, repeat_s: None }
 }
 
 fn figures(people: &[PersonSpec]) -> Vec<Figure> {
@@ -154,8 +154,8 @@ fn the_light_equals_the_literal_sum_over_rays() {
     {
         scenario.doorway.height_m = height_m;
         let light = RoomLight::new(&scenario);
-        let empty = light.light(&[1.0], Vec::new());
-        let nodes = light.light(&[1.0], figures(&people));
+        let empty = light.light(&[1.0], Vec::new(), [0.0; 3]);
+        let nodes = light.light(&[1.0], figures(&people), [0.0; 3]);
         let ambient = light.ambient[0];
         let n = 900;
         for point in POINTS {
@@ -234,7 +234,7 @@ fn a_mirrored_room_gives_mirrored_light() {
     scenario.doorway.height_m = Some(2.0);
     let people = [person(-0.35, 1.3, [0.7, 0.1, 0.1]), person(0.6, 1.9, [0.1, 0.2, 0.6])];
     let light = RoomLight::new(&scenario);
-    let nodes = light.light(&[1.0], figures(&people));
+    let nodes = light.light(&[1.0], figures(&people), [0.0; 3]);
     let albedo = &mut scenario.room.albedo;
     std::mem::swap(&mut albedo.left, &mut albedo.right);
     scenario.lamp[0].at_m[0] *= -1.0;
@@ -243,7 +243,7 @@ fn a_mirrored_room_gives_mirrored_light() {
         p
     });
     let other = RoomLight::new(&scenario);
-    let flipped = other.light(&[1.0], figures(&mirrored));
+    let flipped = other.light(&[1.0], figures(&mirrored), [0.0; 3]);
     let mut asymmetry = 0.0_f64;
     for [x, y] in POINTS.into_iter().chain([[0.2, -0.05], [0.1, 0.2]]) {
         let (a, b, here) = (at(&light, &nodes, [x, y]), at(&other, &flipped, [-x, y]), at(&light, &nodes, [-x, y]));
@@ -263,7 +263,7 @@ fn light_is_linear_in_each_lamps_level() {
     scenario.lamp.push(second);
     let light = RoomLight::new(&scenario);
     let people = [person(-0.2, 1.2, [0.7, 0.1, 0.1]), person(0.5, 1.5, [0.3, 0.3, 0.3])];
-    let nodes = |levels: [f64; 2]| light.light(&levels, figures(&people));
+    let nodes = |levels: [f64; 2]| light.light(&levels, figures(&people), [0.0; 3]);
     let (one, other, both) = (nodes([1.0, 0.0]), nodes([0.0, 1.0]), nodes([0.5, 2.0]));
     for point in POINTS {
         let [one, other, both] = [&one, &other, &both].map(|nodes| at(&light, nodes, point));
@@ -278,18 +278,18 @@ fn who_is_outside_or_hidden_behind_another_changes_nothing_and_an_empty_room_is_
     let mut scenario = scenario();
     scenario.lamp[0].at_m = [0.0, 0.2, 1.8];
     let light = RoomLight::new(&scenario);
-    let empty = light.light(&[1.0], Vec::new());
-    assert_eq!(empty, light.light(&[1.0], Vec::new()));
-    assert_eq!(empty, light.light(&[1.0], figures(&[person(-1.9, 1.2, [0.9; 3])])));
+    let empty = light.light(&[1.0], Vec::new(), [0.0; 3]);
+    assert_eq!(empty, light.light(&[1.0], Vec::new(), [0.0; 3]));
+    assert_eq!(empty, light.light(&[1.0], figures(&[person(-1.9, 1.2, [0.9; 3])]), [0.0; 3]));
     // Thin and low, in the shadow of the other person, and so close behind that no floor point sees them.
     let front = PersonSpec { radius_m: 0.35, ..person(0.0, 1.2, [0.2, 0.3, 0.4]) };
     let mut behind = person(-0.05, 1.7, [0.9, 0.1, 0.1]);
     (behind.radius_m, behind.height_m) = (0.12, 0.8);
     let (alone, both) = (
-        light.light(&[1.0], figures(std::slice::from_ref(&front))),
-        light.light(&[1.0], figures(&[front.clone(), behind.clone()])),
+        light.light(&[1.0], figures(std::slice::from_ref(&front)), [0.0; 3]),
+        light.light(&[1.0], figures(&[front.clone(), behind.clone()]), [0.0; 3]),
     );
-    let hidden = light.light(&[1.0], figures(&[behind]));
+    let hidden = light.light(&[1.0], figures(&[behind]), [0.0; 3]);
     let change = |a: &[[f32; 3]], b: &[[f32; 3]], point: Point| {
         let (a, b) = (at(&light, a, point), at(&light, b, point));
         (0..3).map(|c| (a[c] - b[c]).abs() / a[c]).fold(0.0, f64::max)

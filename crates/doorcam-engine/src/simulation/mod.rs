@@ -9,6 +9,7 @@
 //! [`luminous`] is a simpler world for tests.
 
 mod check;
+mod crossings;
 mod exposure;
 mod figure;
 mod floor;
@@ -20,14 +21,16 @@ mod recording;
 mod room;
 mod scenario;
 mod simulator;
+mod variation;
 mod view;
+mod visible;
 mod walk;
 
 pub use live::{LiveOptions, LiveSimulation};
 pub use recording::{SimulationError, record_simulation};
 pub use scenario::{
-    CameraSpec, FlickerSpec, FloorSpec, FrameFormat, LampKind, LampSpec, PanelSpec, PersonSpec, RoomAlbedo, RoomSpec,
-    Scenario, ScenarioError, VisibleSpec, WallName,
+    CameraSpec, FlickerSpec, FloorSpec, FrameFormat, LampKind, LampSpec, ObjectSpec, PanelSpec, PersonSpec, RoomAlbedo,
+    RoomSpec, Scenario, ScenarioError, VisibleLampSpec, VisibleSpec, WallName, WallSpec,
 };
 pub use simulator::Simulator;
 pub use walk::Walk;

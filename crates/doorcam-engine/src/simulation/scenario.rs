@@ -49,9 +49,15 @@ pub struct Scenario {
     pub person: Vec<PersonSpec>,
     /// Light of the visible side.
     pub visible: VisibleSpec,
+    /// Things on the floor.
+    #[serde(default)]
+    pub object: Vec<ObjectSpec>,
     /// The floor.
     #[serde(default)]
     pub floor: FloorSpec,
+    /// The doorway's wall, seen from the visible side.
+    #[serde(default)]
+    pub wall: WallSpec,
     /// The camera.
     pub camera: CameraSpec,
     /// Flicker of lamps on the mains; none if they do not flicker.
@@ -159,6 +165,9 @@ pub struct PersonSpec {
     /// Albedo of the head.
     #[serde(default = "usual_skin")]
     pub skin: Rgb,
+    /// Albedo of the legs, where people have some: half that of the clothes by default.
+    #[serde(default)]
+    pub trousers: Option<Rgb>,
     /// Waypoints [seconds, x, y]; the person is only there from the first to the last.
     pub walk: Vec<(f64, f64, f64)>,
     /// Seconds after which the walk begins again; none for a single walk.
@@ -167,7 +176,7 @@ pub struct PersonSpec {
 }
 
 /// `[visible]`: the visible side's light on the floor.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VisibleSpec {
     /// Its share of the light on the floor beside the edges while the room is empty: 0 to below 1.
@@ -181,6 +190,45 @@ pub struct VisibleSpec {
     /// Period of the drift, in seconds.
     #[serde(default = "minute")]
     pub drift_period_s: f64,
+    /// Lamps that a part of it comes from; the rest comes from everywhere.
+    #[serde(default)]
+    pub lamp: Vec<VisibleLampSpec>,
+}
+
+/// `[[visible.lamp]]`: a lamp of the visible side, which throws shadows.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VisibleLampSpec {
+    /// Its centre.
+    pub at_m: [f64; 3],
+    /// Its radius: determines how soft shadows are.
+    pub radius_m: f64,
+    /// Its part of the visible side's light on the floor beside the edges.
+    pub share: f64,
+}
+
+/// `[[object]]`: a bag that lies on the floor of the visible side.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObjectSpec {
+    /// Its middle.
+    pub at_m: [f64; 2],
+    /// Its length.
+    #[serde(default = "usual_length")]
+    pub length_m: f64,
+    /// Its height and width.
+    #[serde(default = "usual_thickness")]
+    pub thickness_m: f64,
+    /// Angle of its length to the wall, in degrees.
+    #[serde(default)]
+    pub turn_deg: f64,
+    /// Its albedo.
+    pub albedo: Rgb,
+    /// When it is put there, in seconds.
+    pub from_s: f64,
+    /// When it is taken away; none if it stays.
+    #[serde(default)]
+    pub until_s: Option<f64>,
 }
 
 /// `[floor]`: what the camera looks at.
@@ -198,6 +246,24 @@ pub struct FloorSpec {
 impl Default for FloorSpec {
     fn default() -> Self {
         Self { albedo: [0.6, 0.6, 0.6], speckle: 0.0, grain_m: 0.004 }
+    }
+}
+
+/// `[wall]`: the doorway's wall, seen from the visible side.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct WallSpec {
+    /// Mean albedo.
+    pub albedo: Rgb,
+    /// Standard deviation of its speckle, relative to the albedo.
+    pub speckle: f64,
+    /// Size of a speckle.
+    pub grain_m: f64,
+}
+
+impl Default for WallSpec {
+    fn default() -> Self {
+        Self { albedo: [0.52, 0.50, 0.47], speckle: 0.0, grain_m: 0.01 }
     }
 }
 
@@ -241,6 +307,10 @@ pub struct CameraSpec {
     /// Times and the exposure factor from then on; 1 applies before the first.
     #[serde(default)]
     pub exposure: Vec<(f64, f64)>,
+    /// Times at which somebody bumps it, and where its picture is from then on: pixels to the right and down, and
+    /// degrees clockwise about its middle, from where it was at first.
+    #[serde(default)]
+    pub bump: Vec<(f64, f64, f64, f64)>,
     /// Electrons of a pixel at full scale; determines photon noise.
     #[serde(default = "usual_electrons")]
     pub full_scale_electrons: f64,
@@ -299,6 +369,12 @@ fn usual_size() -> [usize; 2] {
 fn usual_fov() -> f64 {
     0.3
 }
+fn usual_length() -> f64 {
+    0.4
+}
+fn usual_thickness() -> f64 {
+    0.22
+}
 fn usual_level() -> f64 {
     0.45
 }
@@ -352,6 +428,17 @@ impl Scenario {
         Self::parse(&text).map_err(error)
     }
 
+    /// The same, as its seed says: `walk-through`, `pass-by`, `bag` and `bump` are different with each.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scenario::load`].
+    pub fn varied(name: &str, seed: u64) -> Result<Self, ScenarioError> {
+        let mut scenario = Self::load(name)?;
+        super::variation::vary(&mut scenario, name, seed);
+        Ok(scenario)
+    }
+
     /// Parses and checks a scenario.
     ///
     /// # Errors
@@ -376,12 +463,23 @@ impl Scenario {
         (self.background_s * self.fps).round() as u64
     }
 
+    /// Whether anybody or anything is on the visible side. Then all people have legs, and the camera sees who is in its
+    /// picture.
+    pub(super) fn shows_people(&self) -> bool {
+        !self.object.is_empty() || self.person.iter().any(Self::goes_outside)
+    }
+
+    /// Whether a person is on the visible side at any time.
+    pub(super) fn goes_outside(person: &PersonSpec) -> bool {
+        person.walk.iter().any(|&(_, _, y)| y < 0.0)
+    }
+
     /// A person's walk, in seconds since the end of the empty time.
     pub(super) fn walk(person: &PersonSpec) -> Walk {
         Walk { waypoints: person.walk.iter().map(|&(t, x, y)| (t, [x, y])).collect(), period_s: person.repeat_s }
     }
 
-    fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), String> {
         super::check::check(self)
     }
 }
@@ -427,7 +525,7 @@ mod tests {
     #[test]
     fn every_scenario_that_comes_along_is_valid_and_begins_and_ends_with_nobody() {
         let names = Scenario::names();
-        assert_eq!(names.len(), 9, "{names:?}");
+        assert_eq!(names.len(), 13, "{names:?}");
         for name in names {
             let scenario = Scenario::load(&name).unwrap();
             assert!(scenario.background_s >= 3.0, "{name}");
@@ -435,7 +533,7 @@ mod tests {
             for (k, person) in scenario.person.iter().enumerate() {
                 let walk = Scenario::walk(person);
                 for t in [0.0, end - 1.0 / scenario.fps] {
-                    let outside = |[x, _]: [f64; 2]| x.abs() > scenario.room.half_width_m + person.radius_m;
+                    let outside = |[x, y]: [f64; 2]| y < -1.5 || x.abs() > scenario.room.half_width_m + person.radius_m;
                     assert!(walk.at(t).is_none_or(outside), "{name}: person {k} is in the room at {t} s");
                 }
             }
@@ -451,7 +549,10 @@ mod tests {
                 let t = k as f64 / scenario.fps;
                 let there: Vec<_> = walks.iter().filter_map(|(r, walk)| Some((r, walk.at(t)?))).collect();
                 for (i, &(r, a)) in there.iter().enumerate() {
-                    assert!(a[1] > r + 0.25 && a[1] < scenario.room.depth_m - r, "{name}: {a:?} at {t} s");
+                    let doorway = &scenario.doorway;
+                    let opening = a[0].abs() + 1.25 * r < doorway.half_width() || a[1] < -doorway.wall_thickness_m - r;
+                    assert!(a[1] > r + 0.25 || opening, "{name}: {a:?} at {t} s");
+                    assert!(a[1] < scenario.room.depth_m - r, "{name}: {a:?} at {t} s");
                     for &(other, b) in &there[..i] {
                         let apart = (a[0] - b[0]).hypot(a[1] - b[1]);
                         let inside = a[0].abs().min(b[0].abs()) < scenario.room.half_width_m;

@@ -5,23 +5,28 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
 use super::Walk;
+use super::crossings::crossings;
 use super::exposure::{Exposure, Shot};
 use super::figure::Figure;
 use super::floor::FloorMap;
 use super::light::RoomLight;
-use super::scenario::{FrameFormat, PersonSpec, Scenario, in_force};
-use super::view::{Pinhole, View, floor_points, patch_grid};
+use super::scenario::{FrameFormat, ObjectSpec, PersonSpec, Scenario, in_force};
+use super::view::{Bump, Pinhole, Seen, View, floor_points, patch_grid};
+use super::visible::{Body, Looks, Sight, Stage, VisibleLamp, pose};
 use doorcam_core::geometry::{Doorway, Point, Side};
 use doorcam_core::image::{Image, Samples};
 use doorcam_core::optics::Transfer;
 use doorcam_core::transport::{PatchGrid, PixelLayout};
 use doorcam_source::recording::{Layout, Manifest};
 use doorcam_source::sensor::{LumaMatrix, SensorFormat, SensorPixels};
-use doorcam_source::truth::{Target, TrueFrame};
+use doorcam_source::truth::{Target, TrueCrossing, TrueFrame};
 use doorcam_source::{Purpose, RawFrame, RawImages, SkipKind, SkippedFrame};
 
 /// With fewer marks than this in the picture, a calibration cannot be checked.
 const LEAST_MARKS: usize = 6;
+/// How far before and behind the hidden face the room's light on the floor is taken for that on somebody who stands
+/// there, in metres.
+const LIT_M: f64 = 0.8;
 /// Squares beside the edges that define the light's level and the visible side's share.
 const REFERENCE: PatchGrid = PatchGrid { size: 16, fov_m: 0.3, layout: PixelLayout::Cells };
 
@@ -31,14 +36,33 @@ pub struct Simulator {
     scenario: Scenario,
     seed: u64,
     light: RoomLight,
-    view: View,
+    views: Vec<Outlook>,
     exposure: Exposure,
     walks: Vec<Walk>,
     /// Factor from the scene's light to full scale.
     gain: f64,
     /// The visible side's light, without its drift.
     visible: [f64; 3],
+    /// The visible side's lamps.
+    lamps: Vec<VisibleLamp>,
     manifest: Manifest,
+}
+
+/// What the camera sees from a time on, until it is bumped again.
+#[derive(Debug, Clone)]
+struct Outlook {
+    from_s: f64,
+    /// None for patches, which no camera sees.
+    camera: Option<Pinhole>,
+    view: View,
+}
+
+/// Everybody and everything that is somewhere at one moment.
+enum Cast {
+    /// People of a scenario whose camera sees nobody.
+    Unseen(Vec<Figure>),
+    /// All people and things, if some are on the visible side.
+    Seen(Vec<Body>),
 }
 
 impl Simulator {
@@ -50,12 +74,15 @@ impl Simulator {
     pub fn new(scenario: Scenario, seed: u64) -> Result<Self, String> {
         let manifest = manifest(&scenario, seed)?;
         let mut light = RoomLight::new(&scenario);
-        let view = View::of(&scenario.camera, &scenario.doorway, &scenario.floor, light.floor());
-        light.look_only_at(view.pixels.iter().flat_map(|pixel| pixel.taps));
+        let views = outlooks(&scenario, &light);
+        light.look_only_at(views.iter().flat_map(|outlook| outlook.view.pixels.iter().flat_map(|pixel| pixel.taps)));
         let exposure = Exposure::new(&scenario.camera, scenario.flicker);
         let walks = scenario.person.iter().map(Scenario::walk).collect();
-        let mut simulator =
-            Self { scenario, seed, light, view, exposure, walks, gain: 1.0, visible: [0.0; 3], manifest };
+        let reference: Vec<Point> =
+            Side::BOTH.into_iter().flat_map(|side| REFERENCE.points(&scenario.doorway, side)).collect();
+        let lamps = scenario.visible.lamp.iter().map(|spec| VisibleLamp::new(spec, &reference)).collect();
+        let (gain, visible) = (1.0, [0.0; 3]);
+        let mut simulator = Self { scenario, seed, light, views, exposure, walks, gain, visible, lamps, manifest };
         simulator.set_level();
         Ok(simulator)
     }
@@ -63,7 +90,7 @@ impl Simulator {
     /// Sets the visible side's light and the gain from the light on the floor beside the edges of the empty room.
     fn set_level(&mut self) {
         let levels = self.levels(-self.scenario.background_s);
-        let nodes = self.light.light(&levels, Vec::new());
+        let nodes = self.light.light(&levels, Vec::new(), [0.0; 3]);
         let hidden = mean_light(&self.scenario.doorway, self.light.floor(), &nodes);
         let mean = hidden.iter().sum::<f64>() / 3.0;
         let spec = &self.scenario.visible;
@@ -112,6 +139,18 @@ impl Simulator {
         TrueFrame { index, t: index as f64 / self.scenario.fps, targets: targets.collect() }
     }
 
+    /// Who goes through the doorway in a round or turns around on its threshold, in order of time.
+    pub fn true_crossings(&self) -> Vec<TrueCrossing> {
+        let scenario = &self.scenario;
+        let empty = scenario.background_frames() as f64 / scenario.fps;
+        let last = scenario.frames().saturating_sub(1) as f64 / scenario.fps;
+        let who = scenario.person.iter().zip(&self.walks).filter(|(person, _)| Scenario::goes_outside(person));
+        let each = who.flat_map(|(_, walk)| crossings(walk, &scenario.doorway, last - empty));
+        let mut all: Vec<TrueCrossing> = each.map(|c| TrueCrossing { t: c.t + empty, ..c }).collect();
+        all.sort_by(|a, b| a.t.total_cmp(&b.t));
+        all
+    }
+
     /// Seconds from the end of the empty time to a frame of a round.
     fn seconds_after_empty(&self, index: u64) -> f64 {
         // In whole frames, so that the first one after the empty time is at exactly 0.
@@ -126,9 +165,27 @@ impl Simulator {
         })
     }
 
-    fn figures_at(&self, seconds: f64) -> Vec<Figure> {
+    fn cast_at(&self, seconds: f64) -> Cast {
         let people = self.people_at(seconds);
-        people.map(|(_, p, at)| Figure::new(at, p.radius_m, p.height_m, p.clothes, p.skin)).collect()
+        if !self.scenario.shows_people() {
+            return Cast::Unseen(
+                people.map(|(_, p, at)| Figure::new(at, p.radius_m, p.height_m, p.clothes, p.skin)).collect(),
+            );
+        }
+        let person = |(id, person, _): (u64, &PersonSpec, Point)| {
+            let looks = Looks {
+                radius: person.radius_m,
+                height: person.height_m,
+                clothes: person.clothes,
+                trousers: person.trousers.unwrap_or(person.clothes.map(|c| 0.5 * c)),
+                skin: person.skin,
+            };
+            Some(Body::person(&looks, &pose(self.walks.get(id as usize - 1)?, seconds)?))
+        };
+        let there = |object: &&ObjectSpec| seconds >= object.from_s && object.until_s.is_none_or(|end| seconds < end);
+        let objects = self.scenario.object.iter().filter(there);
+        let bag = |o: &ObjectSpec| Body::bag(o.at_m, o.length_m, o.thickness_m, o.turn_deg.to_radians(), o.albedo);
+        Cast::Seen(people.filter_map(person).chain(objects.map(bag)).collect())
     }
 
     fn levels(&self, seconds: f64) -> Vec<f64> {
@@ -137,25 +194,61 @@ impl Simulator {
 
     fn images(&self, number: u64) -> Result<RawImages, String> {
         let seconds = self.seconds_after_empty(number % self.scenario.frames());
-        let people = self.figures_at(seconds);
-        let light = self.light.light(&self.levels(seconds), people);
-        let visible = &self.scenario.visible;
-        let drift = 1.0 + visible.drift * (std::f64::consts::TAU * seconds / visible.drift_period_s).sin();
+        let spec = &self.scenario.visible;
+        let drift = 1.0 + spec.drift * (std::f64::consts::TAU * seconds / spec.drift_period_s).sin();
+        let visible = self.visible.map(|v| v * drift);
+        let levels = self.levels(seconds);
+        let (figures, bodies) = match self.cast_at(seconds) {
+            Cast::Unseen(figures) => (figures, Vec::new()),
+            Cast::Seen(bodies) => (bodies.iter().map(Body::figure).collect(), bodies),
+        };
+        let light = self.light.light(&levels, figures, visible);
+        let outlook = self.outlook(seconds);
+        let sights =
+            (!bodies.is_empty() || !self.lamps.is_empty()).then(|| self.sights(&levels, &bodies, visible, outlook));
         let shot = Shot {
             seed: self.seed,
             number,
             seconds: number as f64 / self.scenario.fps,
             gain: self.gain * in_force(&self.scenario.camera.exposure, seconds),
-            visible: self.visible.map(|v| v * drift),
+            visible,
+            sights,
         };
         match self.scenario.camera.layout {
-            Layout::Camera => self.encode(self.exposure.eight_bits(&self.view, &light, &shot)),
+            Layout::Camera => self.encode(self.exposure.eight_bits(&outlook.view, &light, &shot)),
             Layout::Patches => {
-                let codes = self.exposure.sixteen_bits(&self.view, &light, &shot);
+                let codes = self.exposure.sixteen_bits(&outlook.view, &light, &shot);
                 let (left, right) = codes.split_at(codes.len() / 2);
                 Ok(RawImages::Patches([self.patch(left)?, self.patch(right)?]))
             }
         }
+    }
+
+    /// What the camera sees at a time.
+    fn outlook(&self, seconds: f64) -> &Outlook {
+        let later = self.views.iter().skip(1).take_while(|outlook| seconds >= outlook.from_s).count();
+        &self.views[later]
+    }
+
+    /// What the visible side's lamps, people and things make of each pixel.
+    fn sights(&self, levels: &[f64], bodies: &[Body], visible: [f64; 3], outlook: &Outlook) -> Vec<Sight> {
+        // Of the empty room: a body is not lit by the floor in its own shadow.
+        let empty = if bodies.is_empty() { Vec::new() } else { self.light.light(levels, Vec::new(), visible) };
+        let half = self.scenario.doorway.half_width();
+        let hidden = |[x, y]: Point| {
+            let place = [x.clamp(0.02 - half, half - 0.02), y.clamp(-LIT_M, LIT_M)];
+            let [a, b] = self.light.floor().taps(place).map(|tap| tap.of(&empty));
+            [0, 1, 2].map(|c| f64::from(a[c] + b[c]))
+        };
+        let stage = Stage {
+            doorway: &self.scenario.doorway,
+            lamps: &self.lamps,
+            ambient: 1.0 - self.scenario.visible.lamp.iter().map(|lamp| lamp.share).sum::<f64>(),
+            bodies,
+            visible,
+            hidden: &hidden,
+        };
+        stage.sights(&outlook.view, outlook.camera.as_ref())
     }
 
     fn encode(&self, codes: Vec<u8>) -> Result<RawImages, String> {
@@ -188,7 +281,7 @@ impl Simulator {
 
     fn patch(&self, codes: &[u16]) -> Result<Arc<Vec<u8>>, String> {
         let bytes: Vec<u8> = codes.iter().copied().flat_map(u16::to_ne_bytes).collect();
-        png(&bytes, [self.view.width; 2], ExtendedColorType::Rgb16).map(Arc::new)
+        png(&bytes, [patch_grid(&self.scenario.camera).size; 2], ExtendedColorType::Rgb16).map(Arc::new)
     }
 }
 
@@ -199,6 +292,24 @@ fn png(samples: &[u8], [width, height]: [usize; 2], colour: ExtendedColorType) -
         .write_image(samples, size(width)?, size(height)?, colour)
         .map_err(|e| e.to_string())?;
     Ok(png.into_inner())
+}
+
+/// What the camera sees at first and after each bump.
+fn outlooks(scenario: &Scenario, light: &RoomLight) -> Vec<Outlook> {
+    let seen = Seen { doorway: &scenario.doorway, floor: &scenario.floor, wall: &scenario.wall, map: light.floor() };
+    if scenario.camera.layout == Layout::Patches {
+        return vec![Outlook { from_s: 0.0, camera: None, view: View::patches(&patch_grid(&scenario.camera), &seen) }];
+    }
+    let camera = Pinhole::new(&scenario.camera);
+    let bumps = scenario.camera.bump.iter();
+    let bumps = bumps.map(|&(t, right, down, turn_deg)| (t, Bump { shift: [right, down], turn_deg }));
+    std::iter::once((f64::NEG_INFINITY, Bump::default()))
+        .chain(bumps)
+        .map(|(from_s, bump)| {
+            let camera = camera.bumped(bump);
+            Outlook { from_s, camera: Some(camera), view: View::picture(&camera, &seen) }
+        })
+        .collect()
 }
 
 /// Mean light on the floor beside both edges.

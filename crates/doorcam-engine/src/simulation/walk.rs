@@ -53,7 +53,31 @@ impl Walk {
         };
         Some([coordinate(0), coordinate(1)])
     }
+
+    /// Length of the way from the first waypoint to where somebody is at a time in seconds, in metres. A repeated walk
+    /// begins anew with each round.
+    pub(super) fn length(&self, seconds: f64) -> f64 {
+        let Some(&(first, _)) = self.waypoints.first() else { return 0.0 };
+        let seconds = self.period_s.map_or(seconds, |period| seconds.rem_euclid(period));
+        let ends = self.waypoints.iter().skip(1).map(|&(t, _)| t).take_while(|&t| t < seconds).chain([seconds]);
+        let mut from = first;
+        let mut length = 0.0;
+        for to in ends {
+            let step = (to - from) / CHORDS as f64;
+            let place = |k: usize| self.at(from + k as f64 * step);
+            for k in 0..CHORDS {
+                if let (Some(a), Some(b)) = (place(k), place(k + 1)) {
+                    length += (b[0] - a[0]).hypot(b[1] - a[1]);
+                }
+            }
+            from = to;
+        }
+        length
+    }
 }
+
+/// Chords as which the way between two waypoints is measured.
+const CHORDS: usize = 12;
 
 #[cfg(test)]
 mod tests {
@@ -80,6 +104,20 @@ mod tests {
         }
         is_smooth_at(&walk, &[0.0, 2.0, 5.0, 6.0]);
         assert_eq!(Walk { waypoints: Vec::new(), period_s: Some(1.0) }.at(0.3), None);
+    }
+
+    #[test]
+    fn the_length_of_a_way_is_that_of_a_chain_along_it() {
+        for period_s in [None, Some(8.0)] {
+            let walk = Walk { waypoints: PLACES.to_vec(), period_s };
+            let chain = |to: f64| {
+                let place = |k: i32| walk.at(to * f64::from(k) / 5000.0).unwrap();
+                (0..5000).map(|k| (place(k + 1)[0] - place(k)[0]).hypot(place(k + 1)[1] - place(k)[1])).sum::<f64>()
+            };
+            for t in [0.0, 0.7, 2.0, 4.5, 6.0] {
+                assert!((walk.length(t) - chain(t)).abs() < 0.01, "{t}: {} {}", walk.length(t), chain(t));
+            }
+        }
     }
 
     #[test]
