@@ -18,6 +18,7 @@ use doorcam::feed::open_recording;
 /// Reconstruct a recording's frames: one update per line on stdout, pictures in a directory
 ///
 /// The recording's background_frames show the empty room; the frames after them are reconstructed, each on its own.
+/// Each of them has an update, without facets where there is no map; frames that cannot be read are skipped.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -83,7 +84,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
             .and_then(|frame| engine.step(&frame, recording_time(entry.seconds)));
         match stepped {
             Ok(published) => {
-                if published.scene.is_some() {
+                if recording.purpose(entry.index) == Purpose::Watch {
                     used = true;
                     writeln!(stdout, "{}", published.json)?;
                     stdout.flush()?;
