@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use crate::common::{doorcam, grey_recording, manifest, run, stderr};
+use crate::common::{camera_recording, doorcam, grey_recording, manifest, run, stderr};
 use serde_json::{Value, json};
 
 /// The keys of the JSON report that users rely on.
@@ -22,7 +22,7 @@ const PROMISED: [&str; 13] = [
     "id_switches",
     "timing_ms",
 ];
-const MORE: [&str; 9] = [
+const MORE: [&str; 12] = [
     "gospa",
     "people",
     "missed_share",
@@ -32,6 +32,9 @@ const MORE: [&str; 9] = [
     "median_nees",
     "bound_m",
     "efficiency",
+    "crossings",
+    "unwatched",
+    "directions",
 ];
 
 fn text(path: &Path) -> &str {
@@ -81,13 +84,23 @@ fn a_simulated_recording_gives_the_promised_object() {
     let dir = tempfile::tempdir().unwrap();
     let walk = dir.path().join("walk");
     assert_eq!(run(&["demo", "--only-record", text(&walk)]).status.code(), Some(0));
-    let output = run(&["evaluate", text(&walk), "--json"]);
+    let output = run(&["evaluate", text(&walk), "--json", "--by-person"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let lines = String::from_utf8(output.stdout).unwrap();
     assert_eq!(lines.lines().count(), 1);
     let report: Value = serde_json::from_str(&lines).unwrap();
-    let expected: BTreeSet<&str> = PROMISED.into_iter().chain(MORE).collect();
+    let expected: BTreeSet<&str> = PROMISED.into_iter().chain(MORE).chain(["by_person", "by_distance"]).collect();
     assert_eq!(keys(&report), expected);
+    assert_eq!(report["crossings"], json!({"right": 0, "missed": 0, "false": 0}));
+    assert_eq!((&report["unwatched"], &report["directions"]), (&json!(0), &json!(0)));
+    let rows = |key: &str| report[key].as_array().unwrap().clone();
+    assert_eq!(rows("by_person").len(), report["people"].as_u64().unwrap() as usize);
+    for key in ["by_person", "by_distance"] {
+        for count in ["targets", "detected", "missed", "directions"] {
+            let sum: u64 = rows(key).iter().map(|row| row[count].as_u64().unwrap()).sum();
+            assert_eq!(sum, report[count].as_u64().unwrap(), "{key} {count}: {report}");
+        }
+    }
     let number = |key: &str| report[key].as_u64().unwrap();
     assert_eq!(report["recording"], text(&walk));
     let manifest: Value = serde_json::from_slice(&std::fs::read(walk.join("recording.json")).unwrap()).unwrap();
@@ -113,7 +126,8 @@ fn updates_from_a_file_are_scored_and_drawn() {
     let table = String::from_utf8(output.stdout).unwrap();
     let cells: Vec<&str> = table.lines().last().unwrap().split_whitespace().skip(1).collect();
     // e² / σ² = 9 > 5.991: outside the ellipse.
-    assert_eq!(cells, ["4", "4", "0.300", "0.300", "0.300", "–", "–", "0.0", "0", "0", "0", "0.0", "0.300", "–"]);
+    let expected = ["4", "4", "0.300", "0.300", "0.300", "–", "–", "0.0", "0", "0", "0", "0.0", "0.300", "–"];
+    assert_eq!(cells, [&expected[..], &["0", "0", "0,", "0,", "0"]].concat());
     let name = dir.path().file_name().unwrap().to_str().unwrap();
     let svg = std::fs::read_to_string(pictures.join(format!("evaluation_{name}.svg"))).unwrap();
     assert!(svg.contains("track 5") && svg.contains("mean 0.300 m"));
@@ -126,6 +140,106 @@ fn updates_from_a_file_are_scored_and_drawn() {
         (&json!(0), &Value::Null, &Value::Null)
     );
     assert_eq!(report["scored_frames"], 4);
+}
+
+/// Updates of a program that has no map of frames 2 and 3, knows only a direction in frame 4, and tells two crossings.
+fn hand_made_updates(dir: &Path, clock: &str) -> PathBuf {
+    let event = |kind: &str, time: &str| json!({"kind": kind, "time": time.replace("CLOCK", clock), "track": 5});
+    let line = |index: u64, state: &str, y_m: f64, events: Value| {
+        let track = json!({
+            "id": 5, "state": "confirmed", "x_m": 0.1 * index as f64, "y_m": y_m,
+            "covariance_m2": [[0.009, 0.0], [0.0, 0.35]]
+        });
+        let time = format!("{clock}.{index}Z");
+        json!({"frame": index, "time": time, "state": state, "tracks": [track], "events": events}).to_string() + "\n"
+    };
+    let lines = [
+        line(1, "learning", 1.2, json!([])),
+        line(2, "obstructed", 1.2, json!([event("cross_in", "CLOCK.2Z")])),
+        line(3, "relearning", 1.2, json!([event("enter", "CLOCK.1Z")])),
+        line(4, "watching", 2.3, json!([])),
+        line(5, "watching", 1.3, json!([event("cross_out", "CLOCK.4Z")])),
+    ];
+    let path = dir.join("made.jsonl");
+    std::fs::write(&path, lines.concat()).unwrap();
+    path
+}
+
+#[test]
+fn unwatched_frames_directions_and_crossings_are_told_in_json_in_the_table_and_in_the_picture() {
+    let dir = with_truth();
+    let path = text(dir.path());
+    let truth = dir.path().join("truth.json");
+    let mut known: Value = serde_json::from_slice(&std::fs::read(&truth).unwrap()).unwrap();
+    known["crossings"] = json!([{"t": 0.31, "direction": "in"}, {"t": 0.6, "direction": "back"}]);
+    std::fs::write(&truth, known.to_string()).unwrap();
+    // By the recording's own clock, and live, where the time is the time of day.
+    for clock in ["1970-01-01T00:00:00", "2026-11-29T12:34:56"] {
+        let file = hand_made_updates(dir.path(), clock);
+        let arguments = ["evaluate", path, "--updates", text(&file), "--settle", "0", "--json"];
+        let output = run(&arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(report["crossings"], json!({"right": 1, "missed": 1, "false": 1}), "{report}");
+        let counts = ["scored_frames", "unwatched", "targets", "detected", "missed", "directions", "false"];
+        assert_eq!(counts.map(|key| report[key].as_u64().unwrap()), [4, 2, 3, 1, 2, 1, 0], "{report}");
+        assert!(report.get("by_person").is_none() && report.get("by_distance").is_none());
+    }
+    let file = text(&dir.path().join("made.jsonl")).to_owned();
+    let pictures = dir.path().join("pictures");
+    let output =
+        run(&["evaluate", path, "--updates", &file, "--settle", "0", "--by-person", "--output", text(&pictures)]);
+    let table = String::from_utf8(output.stdout).unwrap();
+    let lines: Vec<Vec<&str>> = table.lines().map(|line| line.split_whitespace().collect()).collect();
+    assert_eq!(lines[2][15..], ["2", "1", "1,", "1,", "1"], "{table}");
+    assert_eq!(
+        lines[6..],
+        [
+            vec!["person", "1", "3", "1", "2", "1", "0.100", "100.0"],
+            vec!["1", "to", "2", "m", "3", "1", "2", "1", "0.100", "100.0"]
+        ],
+        "{table}"
+    );
+    let name = dir.path().file_name().unwrap().to_str().unwrap();
+    let svg = std::fs::read_to_string(pictures.join(format!("evaluation_{name}.svg"))).unwrap();
+    assert!(svg.contains("doorcam-crossings"), "{svg}");
+    // Without crossings in the truth, nobody crossed.
+    known.as_object_mut().unwrap().remove("crossings");
+    std::fs::write(&truth, known.to_string()).unwrap();
+    let output = run(&["evaluate", path, "--updates", &file, "--json"]);
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["crossings"], json!({"right": 0, "missed": 0, "false": 2}), "{report}");
+}
+
+#[test]
+fn a_frame_whose_floor_is_hidden_has_an_update_and_is_scored() {
+    let dir = camera_recording(8);
+    // Somebody holds a hand before the lens.
+    let dark = image::RgbImage::from_pixel(640, 240, image::Rgb([2; 3]));
+    for index in [4, 5] {
+        dark.save(dir.path().join(format!("frames/{index:08}.jpg"))).unwrap();
+    }
+    std::fs::write(dir.path().join("frames/00000006.jpg"), "no picture").unwrap();
+    let output = run(&["reconstruct", text(dir.path())]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let updates = dir.path().join("updates.jsonl");
+    std::fs::write(&updates, &output.stdout).unwrap();
+    let lines = String::from_utf8(output.stdout).unwrap();
+    let updates_of: Vec<Value> = lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let frames: Vec<u64> = updates_of.iter().map(|update| update["frame"].as_u64().unwrap()).collect();
+    assert_eq!(frames, [2, 3, 4, 5, 7]);
+    let unwatched = updates_of.iter().filter(|update| update["state"] != "watching").collect::<Vec<_>>();
+    assert!(unwatched.iter().all(|update| update["facets"] == json!([])), "{unwatched:?}");
+    let frame = |index: u64| json!({"index": index, "t": 0.1 * index as f64, "targets": []});
+    let truth = json!({"frames": (0..8).map(frame).collect::<Vec<_>>()});
+    std::fs::write(dir.path().join("truth.json"), truth.to_string()).unwrap();
+    // Scored from the printed updates as from the recording itself.
+    for from in [vec![], vec!["--updates", text(&updates)]] {
+        let output = run(&[&["evaluate", text(dir.path()), "--json"][..], &from].concat());
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let expected = [json!(5), json!(unwatched.len())];
+        assert_eq!([&report["scored_frames"], &report["unwatched"]], [&expected[0], &expected[1]], "{report}");
+    }
 }
 
 #[test]

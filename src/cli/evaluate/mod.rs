@@ -26,6 +26,7 @@ use doorcam::feed::open_recording;
 ///
 /// Each recording is reconstructed frame by frame as if it were live. In each frame after background_frames, the
 /// confirmed and coasting tracks are optimally assigned to the people in truth.json who are less than 0.5 m away.
+/// Whoever is in a frame without a map is missed.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Columns:
@@ -40,14 +41,19 @@ Columns:
   switches         changes of the track that a person is found as
   in ellipse       share of those found who are inside the reported 95 % ellipse; 95 % if the ellipses are right
   GOSPA            mean distance with p = 2, alpha = 2, c = 0.5 m: errors, missed and false in one figure
+  unwatched        scored frames without a map: everybody in them is missed
+  directions       reports that only tell in which direction somebody is: neither missed nor false
+  crossings        of the threshold: right (within 0.5 s, same direction), missed, false
 docs/evaluation.md defines them all.
 
 With --json, one object per recording, one per line: recording, frames, scored_frames, targets, detected, missed,
-false, mean_error_m, rmse_m, p95_error_m, gospa_m, id_switches, timing_ms, and more.
+false, mean_error_m, rmse_m, p95_error_m, gospa_m, id_switches, timing_ms, crossings, unwatched, directions, and more;
+with --by-person also by_person and by_distance.
 
 Examples:
   doorcam evaluate recordings/D1 recordings/D2 --output pictures
   doorcam evaluate recordings/D1 --json | python3 -m json.tool
+  doorcam evaluate recordings/D5 --by-person
   doorcam evaluate recordings/syn-1 --detections
   doorcam evaluate recordings/D1 --updates updates.jsonl")]
 pub(super) struct Arguments {
@@ -64,6 +70,9 @@ pub(super) struct Arguments {
     /// 0]
     #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = parse_settle)]
     settle: Option<f64>,
+    /// Add rows: each person's figures, and those of each metre of distance from the middle of the opening
+    #[arg(long)]
+    by_person: bool,
     /// Score the detections of each frame instead of tracks
     #[arg(long)]
     detections: bool,
@@ -155,14 +164,18 @@ fn evaluate(arguments: &Arguments, config: &Config, path: &Path) -> anyhow::Resu
             evaluation.unseen
         );
     }
-    let report = evaluation.report(&path.display().to_string(), recording.frames.len());
+    let mut report = evaluation.report(&path.display().to_string(), recording.frames.len());
+    if arguments.by_person {
+        (report.by_person, report.by_distance) = (Some(evaluation.by_person()), Some(evaluation.by_distance()));
+    }
     if let Some(directory) = &arguments.output {
         picture::write(directory, &recording, config, &evaluation, &report)?;
     }
     Ok(report)
 }
 
-/// Processes the frames of a recording as if they were live; calls `each` with every update after the background.
+/// Processes the frames of a recording as if they were live; calls `each` with the update of every frame after the
+/// background, with a map or without.
 fn reconstruct(
     config: &Config,
     recording: &Recording,
@@ -180,7 +193,7 @@ fn reconstruct(
             .map_err(StepError::Skipped)
             .and_then(|frame| engine.step(&frame, recording_time(entry.seconds)));
         match stepped {
-            Ok(published) if published.scene.is_some() => each(&model, &published),
+            Ok(published) if recording.purpose(entry.index) == Purpose::Watch => each(&model, &published),
             Ok(_) => {}
             Err(StepError::Skipped(skipped)) => skipping.add(entry, &skipped, &progress),
             Err(e @ StepError::NoBackground) => bail!("{}: {e}{}", recording.path.display(), skipping.because()),

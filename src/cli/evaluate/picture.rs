@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use doorcam::config::Config;
-use doorcam_engine::evaluation::{Evaluation, Report};
+use doorcam_engine::evaluation::{CrossingCounts, Evaluation, Report};
 use doorcam_engine::figures::{EvaluationPicture, evaluation_svg, png};
 use doorcam_source::recording::Recording;
 
@@ -43,6 +43,7 @@ pub(super) fn write(
         room: &config.room,
         people: &people,
         tracks: &tracks,
+        crossings: &evaluation.crossings,
         caption: &caption(&name, report),
     });
     for (extension, bytes) in [("svg", svg.as_bytes()), ("png", &png(&svg, WIDTH)?)] {
@@ -64,6 +65,15 @@ fn caption(name: &str, report: &Report) -> String {
         "; false reports: {}, false tracks: {}, identity switches: {}",
         report.strays, report.false_tracks, report.id_switches
     );
+    for (count, name) in [(report.unwatched, "frames without a map"), (report.directions, "only the direction")] {
+        if count > 0 {
+            caption += &format!("; {name}: {count}");
+        }
+    }
+    if report.crossings != CrossingCounts::default() {
+        let CrossingCounts { right, missed, strays } = report.crossings;
+        caption += &format!("; crossings: {right} right, {missed} missed, {strays} false");
+    }
     if let Some(inside) = report.ellipse_share {
         caption += &format!("; inside the 95 % ellipse: {:.1} %", 100.0 * inside);
     }

@@ -2,7 +2,7 @@ use std::collections::{HashMap, HashSet};
 
 use serde::Serialize;
 
-use super::{Evaluation, FrameScore, StageTimes, TargetScore, Verdict};
+use super::{CrossingCounts, DistanceRow, Evaluation, FrameScore, PersonRow, StageTimes, TargetScore, Verdict};
 use crate::bench::Quantiles;
 
 /// 95th percentile of χ² with 2 degrees of freedom.
@@ -58,6 +58,18 @@ pub struct Report {
     pub bound_m: Option<f64>,
     /// That bound as a share of the same targets' root mean square error.
     pub efficiency: Option<f64>,
+    /// How many crossings of the threshold were reported.
+    pub crossings: CrossingCounts,
+    /// Scored frames without a map, in which everybody who counts is missed.
+    pub unwatched: usize,
+    /// Reports that tell only the direction of somebody, counted in each scored frame: neither right nor false.
+    pub directions: usize,
+    /// Each person's figures, if they are wanted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub by_person: Option<Vec<PersonRow>>,
+    /// The figures for each metre of distance, if they are wanted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub by_distance: Option<Vec<DistanceRow>>,
 }
 
 /// Times of the scored frames, in milliseconds.
@@ -127,14 +139,21 @@ impl Evaluation {
             median_nees: quantile(&nees, 0.5),
             bound_m,
             efficiency: bound_m.zip(bounded_rmse_m).filter(|(_, rmse)| *rmse > 0.0).map(|(bound, rmse)| bound / rmse),
+            crossings: CrossingCounts::of(&self.crossings),
+            unwatched: self.frames.iter().filter(|frame| !frame.watching).count(),
+            directions: self.frames.iter().map(|frame| frame.directions.len()).sum(),
+            by_person: None,
+            by_distance: None,
         }
     }
 
-    /// For each track, in how many scored frames it is somebody (settling or not) and in how many nobody.
+    /// For each track, in how many scored frames it is somebody (settling or not, at least by direction) and in how
+    /// many nobody.
     fn tracks(&self) -> HashMap<u64, Life> {
         let mut lives: HashMap<u64, Life> = HashMap::new();
         for frame in &self.frames {
-            for id in frame.targets.iter().filter_map(|t| t.estimate?.id) {
+            let found = frame.targets.iter().filter_map(|target| target.estimate);
+            for id in found.chain(frame.directions.iter().copied()).filter_map(|estimate| estimate.id) {
                 lives.entry(id).or_default().somebody += 1;
             }
             for id in frame.strays.iter().filter_map(|e| e.id) {
@@ -187,11 +206,11 @@ fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     sorted.get(rank.saturating_sub(1)).copied()
 }
 
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+pub(super) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (count, sum) = values.fold((0_usize, 0.0), |(count, sum), v| (count + 1, sum + v));
     (count > 0).then(|| sum / count as f64)
 }
 
-fn share(part: usize, all: usize) -> Option<f64> {
+pub(super) fn share(part: usize, all: usize) -> Option<f64> {
     (all > 0).then(|| part as f64 / all as f64)
 }

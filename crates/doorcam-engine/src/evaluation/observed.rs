@@ -1,10 +1,11 @@
 use std::io::{BufRead, Read as _};
 
+use jiff::Timestamp;
 use serde::Deserialize;
 
-use crate::{Published, Timing};
+use crate::{Published, State, Timing};
 use doorcam_core::geometry::Point;
-use doorcam_core::tracking::{Covariance, Detection, Track, TrackState};
+use doorcam_core::tracking::{Covariance, Detection, Direction, Event, Track, TrackState};
 use doorcam_source::files::text;
 
 /// A person as reported in one frame.
@@ -42,15 +43,37 @@ impl From<Timing> for StageTimes {
     }
 }
 
+/// Somebody who is reported to have crossed the threshold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ReportedCrossing {
+    /// When, by the same clock as the update.
+    pub time: Timestamp,
+    /// Which way.
+    pub direction: Direction,
+}
+
 /// The parts of an update that can be scored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observed {
     /// The frame's number in its recording; none for a live camera.
     pub frame: Option<u64>,
+    /// When the frame was captured; none if the update does not tell.
+    pub time: Option<Timestamp>,
+    /// Whether there is a map of the frame.
+    pub watching: bool,
     /// Everybody who is reported.
     pub estimates: Vec<Estimate>,
+    /// Crossings that became known with the frame.
+    pub crossings: Vec<ReportedCrossing>,
     /// How long the frame took; none if the update does not tell.
     pub times: Option<StageTimes>,
+}
+
+impl Default for Observed {
+    /// A map without anybody, of no known frame.
+    fn default() -> Self {
+        Self { frame: None, time: None, watching: true, estimates: Vec::new(), crossings: Vec::new(), times: None }
+    }
 }
 
 impl Observed {
@@ -73,7 +96,16 @@ impl Observed {
 
     fn of(published: &Published) -> Self {
         let update = &published.update;
-        Self { frame: update.frame, estimates: Vec::new(), times: Some(update.timing_ms.into()) }
+        let crossing =
+            |event: &Event| event.kind.direction().map(|direction| ReportedCrossing { time: event.time, direction });
+        Self {
+            frame: update.frame,
+            time: Some(update.time),
+            watching: update.state == State::Watching,
+            estimates: Vec::new(),
+            crossings: update.events.iter().filter_map(crossing).collect(),
+            times: Some(update.timing_ms.into()),
+        }
     }
 }
 
@@ -108,19 +140,50 @@ pub enum ObservedError {
 #[derive(Deserialize)]
 struct UpdateLine {
     frame: Option<u64>,
+    time: Option<Timestamp>,
     #[serde(default)]
     state: MapState,
     tracks: Vec<TrackLine>,
+    #[serde(default)]
+    events: Vec<EventLine>,
     timing_ms: Option<StageTimes>,
 }
 
+/// An update that has no state has a map; in every state but this one there is none.
 #[derive(Deserialize, Default, PartialEq)]
 #[serde(rename_all = "lowercase")]
 enum MapState {
-    Learning,
     #[default]
+    Watching,
     #[serde(other)]
-    Known,
+    Other,
+}
+
+#[derive(Deserialize)]
+struct EventLine {
+    kind: EventLineKind,
+    time: Option<Timestamp>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum EventLineKind {
+    CrossIn,
+    CrossOut,
+    CrossBack,
+    #[serde(other)]
+    Other,
+}
+
+impl EventLineKind {
+    fn direction(&self) -> Option<Direction> {
+        match self {
+            Self::CrossIn => Some(Direction::In),
+            Self::CrossOut => Some(Direction::Out),
+            Self::CrossBack => Some(Direction::Back),
+            Self::Other => None,
+        }
+    }
 }
 
 #[derive(Deserialize)]
@@ -141,7 +204,7 @@ enum TrackLineState {
 }
 
 /// Reads updates, one JSON object per line, as `doorcam reconstruct` prints them and the live socket sends them. Skips
-/// empty lines, and updates from before the empty room was learned.
+/// empty lines.
 ///
 /// # Errors
 ///
@@ -170,8 +233,14 @@ pub fn read_updates(mut from: impl BufRead) -> Result<Vec<Observed>, ObservedErr
             let count = update.tracks.len();
             return Err(invalid("tracks".into(), format!("{count} tracks, expected at most {MOST_TRACKS}")));
         }
-        if update.state == MapState::Learning {
-            continue;
+        let mut crossings = Vec::new();
+        for (k, event) in update.events.iter().enumerate() {
+            let Some(direction) = event.kind.direction() else { continue };
+            let Some(time) = event.time else {
+                let message = "missing, expected when somebody crossed (RFC 3339)".into();
+                return Err(invalid(format!("events[{k}].time"), message));
+            };
+            crossings.push(ReportedCrossing { time, direction });
         }
         let reported = update.tracks.iter().filter(|track| track.state != TrackLineState::Tentative);
         let estimate = |track: &TrackLine| Estimate {
@@ -181,7 +250,10 @@ pub fn read_updates(mut from: impl BufRead) -> Result<Vec<Observed>, ObservedErr
         };
         updates.push(Observed {
             frame: update.frame,
+            time: update.time,
+            watching: update.state == MapState::Watching,
             estimates: reported.map(estimate).collect(),
+            crossings,
             times: update.timing_ms,
         });
     }
@@ -191,9 +263,11 @@ pub fn read_updates(mut from: impl BufRead) -> Result<Vec<Observed>, ObservedErr
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Update;
+    use doorcam_core::tracking::EventKind;
 
     #[test]
-    fn confirmed_and_coasting_tracks_are_read_and_tentative_ones_are_not() {
+    fn confirmed_and_coasting_tracks_are_read_and_tentative_ones_are_not_nor_is_a_map_where_none_is() {
         let track = |id: u64, state: &str| {
             format!(
                 r#"{{"id": {id}, "state": "{state}", "x_m": 0.5, "y_m": 1, "covariance_m2": [[0.01, 0], [0, 0.04]], "rgb": [0, 0, 0]}}"#
@@ -211,10 +285,68 @@ mod tests {
         assert_eq!(
             updates,
             [
-                Observed { frame: Some(4), estimates: vec![estimate(2), estimate(3)], times: Some(times) },
-                Observed { frame: None, estimates: Vec::new(), times: None }
+                Observed { frame: Some(3), watching: false, ..Observed::default() },
+                Observed {
+                    frame: Some(4),
+                    watching: false,
+                    estimates: vec![estimate(2), estimate(3)],
+                    times: Some(times),
+                    ..Observed::default()
+                },
+                Observed::default(),
             ]
         );
+        let states = ["watching", "learning", "relearning", "obstructed", "misaligned", "stale", "of another program"];
+        let lines = states.map(|state| format!("{{\"frame\": 1, \"state\": \"{state}\", \"tracks\": []}}\n")).concat();
+        let watching: Vec<bool> = read_updates(lines.as_bytes()).unwrap().iter().map(|u| u.watching).collect();
+        assert_eq!(watching, [true, false, false, false, false, false, false]);
+    }
+
+    #[test]
+    fn of_events_only_crossings_are_read_and_they_must_have_a_time() {
+        let with = |events: &str| {
+            format!("{{\"frame\": 9, \"time\": \"2026-11-29T20:00:00.9Z\", \"tracks\": [], \"events\": [{events}]}}\n")
+        };
+        let event = |kind: &str| format!(r#"{{"kind": "{kind}", "time": "2026-11-29T20:00:00.8Z", "track": 4}}"#);
+        let kinds = ["enter", "cross_in", "zone_enter", "cross_back", "of_another_program", "cross_out"];
+        let text = with(&kinds.map(event).join(", "));
+        let [update] = &read_updates(text.as_bytes()).unwrap()[..] else { panic!("one update") };
+        assert_eq!(update.time, Some("2026-11-29T20:00:00.9Z".parse().unwrap()));
+        let time: Timestamp = "2026-11-29T20:00:00.8Z".parse().unwrap();
+        let crossing = |direction| ReportedCrossing { time, direction };
+        assert_eq!(update.crossings, [Direction::In, Direction::Back, Direction::Out].map(crossing));
+        let without = with(r#"{"kind": "exit"}, {"kind": "cross_in"}"#);
+        let message = read_updates(without.as_bytes()).unwrap_err().to_string();
+        assert_eq!(message, "line 1: events[1].time: missing, expected when somebody crossed (RFC 3339)");
+        let message = read_updates(with(r#"{"kind": "cross_in", "time": 7.1}"#).as_bytes()).unwrap_err().to_string();
+        assert!(message.starts_with("line 1: events[0].time: "), "{message}");
+    }
+
+    #[test]
+    fn an_update_of_the_engine_has_the_same_parts_as_the_line_that_it_becomes() {
+        let time: Timestamp = "1970-01-01T00:00:07.2Z".parse().unwrap();
+        let mut update = Update::blank("signed", 0, time, Some(72), Timing::default());
+        let event = |kind: EventKind| Event {
+            sequence: 0,
+            kind,
+            time: "1970-01-01T00:00:07.1Z".parse().unwrap(),
+            track: 1,
+            x_m: 0.0,
+            y_m: 0.0,
+            zone: None,
+            through: None,
+            reason: None,
+            speed_m_s: Some(1.1),
+        };
+        update.events = EventKind::ALL.map(event).to_vec();
+        for state in State::ALL {
+            update.state = state;
+            let published = Published::new(update.clone(), None, None);
+            let observed = Observed::tracks(&published);
+            assert_eq!(read_updates(published.json.as_bytes()).unwrap(), [observed.clone()]);
+            assert_eq!((observed.watching, observed.crossings.len()), (state == State::Watching, 3));
+            assert_eq!(Observed::detections(&published).crossings, observed.crossings);
+        }
     }
 
     #[test]

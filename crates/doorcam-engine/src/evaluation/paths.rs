@@ -24,8 +24,17 @@ pub struct TruePoint {
     pub position: Point,
     /// Whether the person came in so recently that they need not be found.
     pub settling: bool,
+    /// Whether a report tells the person's direction, though not the place.
+    pub directed: bool,
     /// What the person was found as, if found.
     pub found: Option<Found>,
+}
+
+impl TruePoint {
+    /// Whether the person should have been found here and was not.
+    pub fn missed(&self) -> bool {
+        self.found.is_none() && !self.settling && !self.directed
+    }
 }
 
 /// What a person was found as.
@@ -82,8 +91,9 @@ impl Evaluation {
         let mut paths: Vec<TrackPath> = Vec::new();
         let mut before: Vec<Option<u64>> = Vec::new();
         for frame in &self.frames {
-            let found = frame.targets.iter().filter_map(|target| target.estimate.map(|e| (e, false)));
-            let reported: Vec<_> = found.chain(frame.strays.iter().map(|&e| (e, true))).collect();
+            let found = frame.targets.iter().filter_map(|target| target.estimate);
+            let somebody = found.chain(frame.directions.iter().copied()).map(|e| (e, false));
+            let reported: Vec<_> = somebody.chain(frame.strays.iter().map(|&e| (e, true))).collect();
             for &(Estimate { id, position, covariance }, stray) in &reported {
                 let joined = before.contains(&id);
                 let point = EstimatedPoint { seconds: frame.seconds, position, covariance, stray, joined };
@@ -109,6 +119,7 @@ fn true_point(frame: &FrameScore, target: &TargetScore) -> TruePoint {
         seconds: frame.seconds,
         position: target.position(),
         settling: target.verdict == Verdict::Settling,
+        directed: target.verdict == Verdict::Direction,
         found: found(),
     }
 }
@@ -133,7 +144,7 @@ mod tests {
         // 0.3 m to the right, with a standard deviation of 0.1 m in x: the ellipse reaches 0.245 m.
         let estimate = Estimate { id: Some(7), position: [0.3, 1.0], covariance: [[0.01, 0.0], [0.0, 0.04]] };
         for (index, estimates) in [(0, vec![estimate]), (1, vec![]), (2, vec![estimate]), (3, vec![estimate])] {
-            scorer.score(&Observed { frame: Some(index), estimates, times: None });
+            scorer.score(&Observed { frame: Some(index), estimates, ..Observed::default() });
         }
         let evaluation = scorer.finish();
         let people = evaluation.people();

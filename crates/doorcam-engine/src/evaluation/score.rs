@@ -1,9 +1,11 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
+use super::crossings::Reports;
+use super::directions::{Alone, assign_directions};
 use super::gospa::squared;
-use super::{CUTOFF_M, Estimate, Gospa, Observed, StageTimes, assign};
+use super::{CUTOFF_M, CrossingScore, Estimate, Gospa, Observed, StageTimes, assign};
 use doorcam_core::geometry::Point;
-use doorcam_source::truth::{Target, Truth};
+use doorcam_source::truth::{Target, TrueCrossing, Truth};
 
 /// Whether a target was found in one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -12,6 +14,8 @@ pub enum Verdict {
     Settling,
     /// It should have been found but was not.
     Missed,
+    /// A report tells the direction it is in, but not the place: not counted.
+    Direction,
     /// It was found.
     Detected,
 }
@@ -23,7 +27,7 @@ pub struct TargetScore {
     pub target: Target,
     /// Whether it was found.
     pub verdict: Verdict,
-    /// What it was found as; none if it was not found.
+    /// What it was found as, settling or not; none if it was not found.
     pub estimate: Option<Estimate>,
     /// How many times it has come in, including this one.
     pub visit: usize,
@@ -46,14 +50,7 @@ impl TargetScore {
     /// Normalised estimation error squared, eᵀ P⁻¹ e: χ² distributed with 2 degrees of freedom if the covariance P is
     /// right. None if it was not found; infinite if P is not positive definite.
     pub fn nees(&self) -> Option<f64> {
-        let Estimate { position, covariance: [[xx, xy], [_, yy]], .. } = self.estimate?;
-        let [x, y] = [position[0] - self.target.x_m, position[1] - self.target.y_m];
-        let determinant = xx * yy - xy * xy;
-        if xx > 0.0 && determinant > 0.0 {
-            Some((yy * x * x - 2.0 * xy * x * y + xx * y * y) / determinant)
-        } else {
-            Some(f64::INFINITY)
-        }
+        self.estimate.map(|e| e.nees(self.position()))
     }
 }
 
@@ -64,10 +61,14 @@ pub struct FrameScore {
     pub index: u64,
     /// Its time in the truth, in seconds.
     pub seconds: f64,
+    /// Whether there is a map of it. If not, everybody who counts is missed.
+    pub watching: bool,
     /// Everybody who is really there.
     pub targets: Vec<TargetScore>,
     /// Reports of nobody.
     pub strays: Vec<Estimate>,
+    /// Reports that are near nobody but tell the direction of somebody who has no report.
+    pub directions: Vec<Estimate>,
     /// How long it took to reconstruct; none if the update does not tell.
     pub times: Option<StageTimes>,
 }
@@ -83,8 +84,9 @@ impl FrameScore {
         self.targets.iter().filter(|t| t.verdict == Verdict::Detected)
     }
 
-    /// GOSPA between the targets that count and the reports, without settling targets and their partners: removing a
-    /// pair of an optimal assignment, or somebody without a partner, leaves the rest optimal.
+    /// GOSPA between the targets that count and the reports, without settling targets and their partners, nor directions
+    /// and whose they are: removing a pair of an optimal assignment, or somebody without a partner, leaves the rest
+    /// optimal.
     pub fn gospa(&self) -> Gospa {
         let errors = self.detected().filter_map(TargetScore::error_m).map(|e| e * e);
         Gospa::new(errors, self.count(Verdict::Missed), self.strays.len(), CUTOFF_M)
@@ -110,8 +112,13 @@ pub enum TruthProblem {
 /// Scores the frames of one recording.
 pub struct Scorer {
     known: BTreeMap<u64, KnownFrame>,
+    /// Times in the truth of the frames before the first to be scored.
+    before: BTreeMap<u64, f64>,
+    crossings: Vec<TrueCrossing>,
     frames: Vec<FrameScore>,
-    scored: HashSet<u64>,
+    /// All frames that had an update.
+    met: HashSet<u64>,
+    reports: Reports,
 }
 
 /// A frame of the truth, with who has just come in.
@@ -161,11 +168,19 @@ impl Scorer {
                 return Err(TruthProblem::FrameTwice(frame.index));
             }
         }
-        Ok(Self { known: known.split_off(&first), frames: Vec::new(), scored: HashSet::new() })
+        let scored = known.split_off(&first);
+        Ok(Self {
+            known: scored,
+            before: known.into_iter().map(|(index, frame)| (index, frame.seconds)).collect(),
+            crossings: truth.crossings.clone(),
+            frames: Vec::new(),
+            met: HashSet::new(),
+            reports: Reports::default(),
+        })
     }
 
-    /// Scores what was reported for a frame. Ignores frames before the first to be scored, frames that the truth does
-    /// not contain, and frames that were scored before.
+    /// Scores what was reported for a frame. Ignores updates of no frame and of a frame that had one before. Of frames
+    /// before the first to be scored, and of those that the truth does not contain, only crossings count.
     pub fn score(&mut self, observed: &Observed) {
         self.score_against(observed, |_, _| None);
     }
@@ -173,41 +188,69 @@ impl Scorer {
     /// Like [`Scorer::score`], with a bound: `bound_m` gives the least error, in metres, with which a person at the
     /// true position, found as that estimate, could have been located.
     pub fn score_against(&mut self, observed: &Observed, bound_m: impl Fn(Point, &Estimate) -> Option<f64>) {
-        let Some((index, known)) = observed.frame.and_then(|index| Some((index, self.known.get(&index)?))) else {
-            return;
-        };
-        if !self.scored.insert(index) {
-            return;
-        }
-        let truth: Vec<Point> = known.targets.iter().map(|k| [k.target.x_m, k.target.y_m]).collect();
-        let reported: Vec<Point> = observed.estimates.iter().map(|e| e.position).collect();
-        let pairs = assign(&truth, &reported, CUTOFF_M);
-        let target = |(known, pair): (&Known, &Option<usize>)| TargetScore {
-            target: known.target,
-            verdict: match pair {
-                _ if known.settling => Verdict::Settling,
-                None => Verdict::Missed,
-                Some(_) => Verdict::Detected,
-            },
-            estimate: pair.map(|k| observed.estimates[k]),
-            visit: known.visit,
-            bound_m: pair.and_then(|k| bound_m([known.target.x_m, known.target.y_m], &observed.estimates[k])),
-        };
-        let strays = observed.estimates.iter().enumerate().filter(|(k, _)| !pairs.contains(&Some(*k)));
-        self.frames.push(FrameScore {
-            index,
-            seconds: known.seconds,
-            targets: known.targets.iter().zip(&pairs).map(target).collect(),
-            strays: strays.map(|(_, estimate)| *estimate).collect(),
-            times: observed.times,
-        });
+        let Some(index) = observed.frame.filter(|&index| self.met.insert(index)) else { return };
+        let known = self.known.get(&index);
+        let seconds = known.map(|known| known.seconds).or_else(|| self.before.get(&index).copied());
+        self.reports.add(&observed.crossings, observed.time, seconds);
+        self.frames.extend(known.map(|known| known.score(index, observed, bound_m)));
     }
 
     /// All scored frames, in order.
     pub fn finish(mut self) -> Evaluation {
         self.frames.sort_by_key(|frame| frame.index);
         let unseen = self.known.len() - self.frames.len();
-        Evaluation { frames: self.frames, unseen }
+        let background_end = self.before.last_key_value().map(|(_, &seconds)| seconds);
+        Evaluation { crossings: self.reports.score(&self.crossings, background_end), frames: self.frames, unseen }
+    }
+}
+
+impl KnownFrame {
+    fn score(&self, index: u64, observed: &Observed, bound_m: impl Fn(Point, &Estimate) -> Option<f64>) -> FrameScore {
+        let Observed { watching, estimates, times, .. } = observed;
+        let truth: Vec<Point> = self.targets.iter().map(Known::position).collect();
+        let reported: Vec<Point> = estimates.iter().map(|e| e.position).collect();
+        let pairs = assign(&truth, &reported, CUTOFF_M);
+        let alone: Vec<usize> = (0..pairs.len()).filter(|&k| pairs[k].is_none()).collect();
+        let unpaired: Vec<Estimate> =
+            (0..estimates.len()).filter(|&k| !pairs.contains(&Some(k))).map(|k| estimates[k]).collect();
+        let people: Vec<Alone> =
+            alone.iter().map(|&k| Alone { place: truth[k], counts: !self.targets[k].settling }).collect();
+        let pointed = assign_directions(&people, &unpaired);
+        let mut directed = vec![false; pairs.len()];
+        alone.iter().zip(&pointed).for_each(|(&k, report)| directed[k] = report.is_some());
+        let target = |(k, known): (usize, &Known)| {
+            // A report without a map of the frame is no finding, even if somebody is there.
+            let found = pairs[k].filter(|_| *watching).map(|pair| &estimates[pair]);
+            TargetScore {
+                target: known.target,
+                verdict: match found {
+                    _ if known.settling => Verdict::Settling,
+                    Some(_) => Verdict::Detected,
+                    None if *watching && directed[k] => Verdict::Direction,
+                    None => Verdict::Missed,
+                },
+                estimate: found.copied(),
+                visit: known.visit,
+                bound_m: found.and_then(|estimate| bound_m(known.position(), estimate)),
+            }
+        };
+        let (directions, strays): (Vec<_>, Vec<_>) =
+            unpaired.iter().enumerate().partition(|(k, _)| pointed.contains(&Some(*k)));
+        FrameScore {
+            index,
+            seconds: self.seconds,
+            watching: *watching,
+            targets: self.targets.iter().enumerate().map(target).collect(),
+            strays: strays.into_iter().map(|(_, estimate)| *estimate).collect(),
+            directions: directions.into_iter().filter(|_| *watching).map(|(_, estimate)| *estimate).collect(),
+            times: *times,
+        }
+    }
+}
+
+impl Known {
+    fn position(&self) -> Point {
+        [self.target.x_m, self.target.y_m]
     }
 }
 
@@ -216,6 +259,8 @@ impl Scorer {
 pub struct Evaluation {
     /// The scored frames, in order.
     pub frames: Vec<FrameScore>,
+    /// Crossings of the threshold after the background's frames, true and reported, in order of time.
+    pub crossings: Vec<CrossingScore>,
     /// Number of frames that should have been scored but had no update.
     pub unseen: usize,
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::evaluation::Report;
+use crate::evaluation::{CrossingCounts, Report, ReportedCrossing, RowFigures};
 use doorcam_source::truth::TrueFrame;
 
 /// Ten frames a second.
@@ -24,7 +24,7 @@ fn evaluate(frames: &[(Vec<Target>, Vec<Estimate>)], first: u64, settle_s: f64) 
     let truth = truth_of((0..).zip(frames.iter().map(|(targets, _)| targets.clone())));
     let mut scorer = Scorer::new(&truth, first, settle_s).unwrap();
     for (index, (_, estimates)) in (0..).zip(frames) {
-        scorer.score(&Observed { frame: Some(index), estimates: estimates.clone(), times: None });
+        scorer.score(&Observed { frame: Some(index), estimates: estimates.clone(), ..Observed::default() });
     }
     scorer.finish()
 }
@@ -113,7 +113,7 @@ fn a_switch_is_one_also_across_frames_that_miss() {
     let truth = truth_of((0..).zip(again.iter().map(|(targets, _)| targets.clone())));
     let mut scorer = Scorer::new(&truth, 0, 0.0).unwrap();
     for (index, id) in [(0, 1), (3, 2)] {
-        scorer.score(&Observed { frame: Some(index), estimates: vec![track(id, here)], times: None });
+        scorer.score(&Observed { frame: Some(index), estimates: vec![track(id, here)], ..Observed::default() });
     }
     let evaluation = scorer.finish();
     assert_eq!((evaluation.report("", 4).id_switches, evaluation.unseen), (0, 2));
@@ -138,7 +138,7 @@ fn while_somebody_settles_nothing_about_them_is_right_or_wrong() {
     let gone = (0..40).filter(|&k| k != 30).map(|k| (k, if k == 20 { vec![] } else { vec![target(1, here)] }));
     let truth = truth_of(gone);
     let mut scorer = Scorer::new(&truth, 0, 1.0).unwrap();
-    (0..40).for_each(|k| scorer.score(&Observed { frame: Some(k), estimates: vec![], times: None }));
+    (0..40).for_each(|k| scorer.score(&Observed { frame: Some(k), estimates: vec![], ..Observed::default() }));
     let late = scorer.finish().report("", 40);
     assert_eq!((late.scored_frames, late.missed), (39, 10 + 9));
 }
@@ -174,7 +174,7 @@ fn frames_that_nobody_knows_or_that_come_too_early_are_not_scored() {
     let mut scorer = Scorer::new(&truth, 3, 0.0).unwrap();
     // Out of order, twice, and from a live camera.
     for frame in [Some(5), Some(2), Some(4), Some(3), Some(3), None] {
-        scorer.score(&Observed { frame, estimates: vec![track(1, here)], times: None });
+        scorer.score(&Observed { frame, estimates: vec![track(1, here)], ..Observed::default() });
     }
     let evaluation = scorer.finish();
     assert_eq!(evaluation.frames.iter().map(|f| f.index).collect::<Vec<_>>(), [3, 5]);
@@ -245,4 +245,129 @@ fn a_truth_that_contradicts_itself_is_refused() {
     );
     let again = truth_of([(4, vec![]), (4, vec![])]);
     assert_eq!(Scorer::new(&again, 0, 1.0).err().unwrap().to_string(), "frames: index 4 is there twice");
+}
+
+/// A person at 2 m straight ahead, with the report's ellipse narrow in x and long in y.
+fn ahead(id: u64, y: f64) -> Estimate {
+    Estimate { id: Some(id), position: [0.0, y], covariance: [[0.009, 0.0], [0.0, 0.35]] }
+}
+
+#[test]
+fn without_a_map_everybody_is_missed_whatever_is_reported() {
+    let here = [0.0, 1.0];
+    let truth = truth_of((0..6).map(|k| (k, vec![target(1, here)])));
+    let mut scorer = Scorer::new(&truth, 0, 0.2).unwrap();
+    // Right where the person is, in their direction, and where nobody is.
+    let reported = [track(7, here), ahead(8, 2.1), track(9, [-1.0, 1.0])];
+    for frame in 0..6 {
+        let estimates = reported.to_vec();
+        scorer.score(&Observed { frame: Some(frame), watching: frame == 5, estimates, ..Observed::default() });
+    }
+    let evaluation = scorer.finish();
+    let verdicts: Vec<Verdict> = evaluation.frames.iter().map(|frame| frame.targets[0].verdict).collect();
+    use Verdict::{Detected, Missed, Settling};
+    assert_eq!(verdicts, [Settling, Settling, Missed, Missed, Missed, Detected]);
+    let report = evaluation.report("", 6);
+    assert_eq!((report.scored_frames, report.unwatched, report.directions), (6, 5, 0));
+    // What is reported of nobody is as false as with a map.
+    assert_eq!(counts(&report), [4, 1, 3, 12]);
+    assert_eq!(report.missed_share, Some(0.75));
+    // A track that is right without a map is neither somebody nor nobody.
+    assert_eq!((report.tracks, report.false_tracks), (3, 2));
+    assert_eq!(evaluation.frames[2].gospa().distance_m(), f64::sqrt(3.0 * 0.125));
+    let mut scorer = Scorer::new(&truth, 0, 0.0).unwrap();
+    let estimates = vec![ahead(8, 2.1)];
+    scorer.score(&Observed { frame: Some(3), watching: false, estimates, ..Observed::default() });
+    let report = scorer.finish().report("", 6);
+    assert_eq!((counts(&report), report.directions, report.tracks), ([1, 0, 1, 0], 0, 0));
+}
+
+#[test]
+fn the_direction_of_somebody_who_has_no_report_is_neither_missed_nor_false() {
+    let (near, far) = ([0.0, 1.0], [0.0, 2.0]);
+    let frame = |estimates| report(&[(vec![target(1, far)], estimates)], 0, 0.0);
+    let directed = frame(vec![ahead(4, 0.9)]);
+    assert_eq!((counts(&directed), directed.directions), ([0, 0, 0, 0], 1));
+    assert_eq!((directed.people, directed.tracks, directed.false_tracks), (1, 1, 0));
+    assert_eq!((directed.missed_share, directed.mean_error_m, directed.gospa_m), (None, None, Some(0.0)));
+    // The second report has nobody left; one that is near is no direction, and the other then holds nobody.
+    let twice = frame(vec![ahead(4, 0.9), ahead(5, 1.2)]);
+    assert_eq!((counts(&twice), twice.directions, twice.false_tracks), ([0, 0, 0, 1], 1, 1));
+    let found = frame(vec![ahead(4, 0.9), track(5, far)]);
+    assert_eq!((counts(&found), found.directions), ([1, 1, 0, 1], 0));
+    // Beside them.
+    let past = frame(vec![Estimate { position: [0.6, 0.9], ..ahead(4, 0.0) }]);
+    assert_eq!((counts(&past), past.directions), ([1, 0, 1, 1], 0));
+    // Of two who stand one behind the other, one is known.
+    let behind = report(&[(vec![target(1, near), target(2, far)], vec![ahead(4, 2.9)])], 0, 0.0);
+    assert_eq!((counts(&behind), behind.directions), ([1, 0, 1, 0], 1));
+    let farther = [0.0, 2.6];
+    // Whoever settles gets a direction only if nobody who counts is there.
+    let late = |settled: bool| {
+        let mut frames: Vec<_> =
+            (0..10).map(|_| (if settled { vec![target(1, farther)] } else { vec![] }, vec![])).collect();
+        let there = if settled { vec![target(2, near), target(1, farther)] } else { vec![target(2, near)] };
+        frames.push((there, vec![ahead(4, 1.8)]));
+        report(&frames, 10, 0.5)
+    };
+    assert_eq!((counts(&late(true)), late(true).directions), ([0, 0, 0, 0], 1));
+    assert_eq!((counts(&late(false)), late(false).directions), ([0, 0, 0, 0], 1));
+}
+
+#[test]
+fn crossings_count_from_every_update_after_the_background() {
+    use doorcam_core::tracking::Direction::{In, Out};
+    let mut truth = truth_of((0..60).filter(|k| k % 2 == 0).map(|k| (k, vec![])));
+    let crossing = |&(t, direction): &(f64, _)| TrueCrossing { t, direction };
+    truth.crossings = [(0.5, Out), (2.0, In), (4.0, Out), (5.0, In)].iter().map(crossing).collect();
+    let mut scorer = Scorer::new(&truth, 10, 0.0).unwrap();
+    let clock = |seconds: f64| jiff::Timestamp::from_millisecond((1000.0 * seconds) as i64).unwrap();
+    let mut tell = |frame: Option<u64>, at: f64, direction| {
+        scorer.score(&Observed {
+            frame,
+            time: frame.map(|frame| clock(frame as f64 / FPS)),
+            crossings: vec![ReportedCrossing { time: clock(at), direction }],
+            ..Observed::default()
+        });
+    };
+    // In a frame that the truth does not contain, in the same one again, long after, and of no frame.
+    tell(Some(23), 2.2, In);
+    tell(Some(23), 3.9, Out);
+    tell(Some(58), 4.6, Out);
+    tell(None, 5.0, In);
+    let evaluation = scorer.finish();
+    let CrossingCounts { right, missed, strays } = evaluation.report("", 60).crossings;
+    assert_eq!([right, missed, strays], [1, 2, 1]);
+    assert_eq!(evaluation.frames.len(), 1);
+}
+
+#[test]
+fn rows_by_person_and_by_distance_add_up_to_the_whole() {
+    let (a, b) = (target(3, [0.6, 0.7]), target(5, [0.0, 2.4]));
+    let frames = [
+        (vec![a, b], vec![track(1, [0.6, 0.9]), ahead(2, 1.2)]),
+        (vec![a, b], vec![track(1, [0.6, 1.0]), track(2, [0.0, 2.5])]),
+        (vec![b, Target { x_m: 1.0, y_m: 1.0, ..a }], vec![]),
+    ];
+    let evaluation = evaluate(&frames, 0, 0.0);
+    let people = evaluation.by_person();
+    let figures = |row: &RowFigures| [row.targets, row.detected, row.missed, row.directions];
+    let ids: Vec<u64> = people.iter().map(|row| row.id).collect();
+    assert_eq!(ids, [3, 5]);
+    assert_eq!(figures(&people[0].figures), [3, 2, 1, 0]);
+    assert_eq!(figures(&people[1].figures), [2, 1, 1, 1]);
+    assert!((people[0].figures.mean_error_m.unwrap() - 0.25).abs() < 1e-12);
+    // (0.2 / 0.1)² = 4 is inside, (0.3 / 0.1)² = 9 outside.
+    assert_eq!([0, 1].map(|k| people[k].figures.ellipse_share), [Some(0.5), Some(1.0)]);
+    let metres = evaluation.by_distance();
+    let rows: Vec<_> = metres.iter().map(|row| (row.from_m, row.to_m, figures(&row.figures))).collect();
+    assert_eq!(rows, [(0, 1, [2, 2, 0, 0]), (1, 2, [1, 0, 1, 0]), (2, 3, [2, 1, 1, 1])]);
+    assert_eq!((metres[1].figures.mean_error_m, metres[1].figures.ellipse_share), (None, None));
+    let report = evaluation.report("", 3);
+    let sum = |of: fn(&RowFigures) -> usize| people.iter().map(|row| of(&row.figures)).sum::<usize>();
+    assert_eq!([sum(|r| r.targets), sum(|r| r.detected), sum(|r| r.missed)], [5, 3, 2]);
+    assert_eq!((report.targets, report.detected, report.missed, report.directions), (5, 3, 2, 1));
+    assert!(report.by_person.is_none() && report.by_distance.is_none());
+    // Who only settles has no row.
+    assert_eq!(evaluate(&frames, 0, 9.0).by_person(), []);
 }

@@ -28,7 +28,8 @@ const CLIP: &str = "doorcam-evaluation-clip";
 ///
 /// Left: the floor plan to scale. True paths are dark, with a mark at the start and ticks at whole numbers of seconds.
 /// Estimates have one colour per track, with the 95 % error ellipse at every tick. Right: one row per true path, with
-/// its error over time against the reach of the reported ellipse in the error's direction.
+/// its error over time against the reach of the reported ellipse in the error's direction, below the crossings of the
+/// threshold.
 pub fn evaluation_svg(picture: &EvaluationPicture) -> String {
     let doorway = &Doorway {
         width_m: length_or(picture.doorway.width_m, 0.0),
@@ -57,7 +58,7 @@ pub fn evaluation_svg(picture: &EvaluationPicture) -> String {
     let left = frame.left + frame.width() + BETWEEN;
     let key_top = frame.top + frame.height() - key::height(&shades);
     let place = [left, frame.top, TIMELINE, (key_top - GAP - frame.top).max(120.0)];
-    let (rows, rows_end) = timeline::rows(picture.people, &shades, place);
+    let (rows, rows_end) = timeline::rows(picture.people, picture.crossings, &shades, place);
     let key_top = key_top.max(rows_end + GAP);
     let width = left + TIMELINE + GAP;
     let mut page = Group::new()

@@ -1,6 +1,6 @@
 use doorcam_core::geometry::{Doorway, Room};
 
-use crate::evaluation::{PersonPath, TrackPath};
+use crate::evaluation::{CrossingScore, PersonPath, TrackPath};
 
 /// What the picture shows. Positions in metres in the door frame, times in seconds.
 #[derive(Debug, Clone, Copy)]
@@ -13,6 +13,8 @@ pub struct EvaluationPicture<'a> {
     pub people: &'a [PersonPath],
     /// Estimated paths, one per track; detections are points without a path.
     pub tracks: &'a [TrackPath],
+    /// Crossings of the threshold, true and reported.
+    pub crossings: &'a [CrossingScore],
     /// Text below, wrapped to the width.
     pub caption: &'a str,
 }

@@ -6,6 +6,7 @@
 mod axes;
 mod bound;
 mod colour;
+mod crossings;
 mod curves;
 mod difference;
 mod evaluation;

@@ -122,7 +122,7 @@ fn walked(frame: &Frame, person: &PersonPath, step: f64) -> Group {
         ticks += &format!("M{} {}L{} {}", unit(x - nx), unit(y - ny), unit(x + nx), unit(y + ny));
     }
     let mut missed = Group::new().set("class", "missed");
-    for TruePoint { position, .. } in person.points.iter().filter(|p| p.found.is_none() && !p.settling) {
+    for TruePoint { position, .. } in person.points.iter().filter(|p| p.missed()) {
         missed = missed.add(ring(frame.place(*position)));
     }
     Group::new().add(stroke(polyline(frame, places.iter().copied()), 1.2)).add(stroke(ticks, 1.0)).add(missed)
@@ -143,7 +143,7 @@ fn start(frame: &Frame, person: &PersonPath) -> Group {
     let Some(first) = person.points.first() else { return Group::new() };
     let [x, y] = frame.place(first.position);
     let mut mark = Group::new();
-    if first.found.is_none() && !first.settling {
+    if first.missed() {
         // The disc would hide the ring of somebody who is missed here, so draw a larger one around it.
         mark = mark.add(ring([x, y]).set("r", 10));
     }

@@ -3,9 +3,10 @@
 use svg::node::element::{Group, Path, Rectangle};
 
 use super::axes::{SPACING, ticks};
+use super::crossings;
 use super::plan::{Shade, WRONG, shade_of};
 use super::text::{Anchor, decimal, line, unit};
-use crate::evaluation::{PersonPath, TruePoint};
+use crate::evaluation::{CrossingScore, PersonPath, TruePoint};
 
 /// Colour of the reach of the reported ellipse.
 pub(super) const REACH: &str = "#dcdce2";
@@ -46,11 +47,17 @@ impl Row {
     }
 }
 
-/// Draws the rows at a place of the page (left, top, width, height); returns them and the y at which they end.
-pub(super) fn rows(people: &[PersonPath], shades: &[Shade], [left, top, width, height]: [f64; 4]) -> (Group, f64) {
+/// Draws the rows at a place of the page (left, top, width, height), below a line with the crossings if there are any;
+/// returns them and the y at which they end.
+pub(super) fn rows(
+    people: &[PersonPath],
+    crossings: &[CrossingScore],
+    shades: &[Shade],
+    [left, top, width, height]: [f64; 4],
+) -> (Group, f64) {
     let shown = &people[..people.len().min(MOST)];
     let points = || shown.iter().flat_map(|person| &person.points);
-    let times = points().map(|p| p.seconds);
+    let times = points().map(|p| p.seconds).chain(crossings.iter().map(|c| c.seconds));
     let (first, last) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
     if !(first.is_finite() && last.is_finite()) {
         let group = Group::new().add(line(left, top + 20.0, 12.0, Anchor::Start, "nobody there"));
@@ -60,10 +67,19 @@ pub(super) fn rows(people: &[PersonPath], shades: &[Shade], [left, top, width, h
     let seconds = if last - first > 1e-3 { [first, last] } else { [first - 0.5, first + 0.5] };
     let largest = points().filter_map(|p| p.found).map(|f| f.error_m).fold(0.0, f64::max);
     let metres = (1.15 * largest).clamp(0.2, 0.6);
-    let count = shown.len() as f64;
-    let each = ((height - BELOW) / count - GAP).clamp(LEAST_HEIGHT, MOST_HEIGHT);
+    let above = if crossings.is_empty() { 0.0 } else { crossings::HEIGHT };
+    let count = shown.len().max(1) as f64;
+    let each = ((height - above - BELOW) / count - GAP).clamp(LEAST_HEIGHT, MOST_HEIGHT);
     let mut group = Group::new().set("id", "doorcam-errors");
     let mut row = Row { left, top, size: [width, each], seconds, metres };
+    if !crossings.is_empty() {
+        group = group.add(crossings::marks(crossings, |seconds| row.x(seconds), [left, top, width]));
+        row.top += above;
+    }
+    if people.is_empty() {
+        let nobody = line(left, row.top + 20.0, 12.0, Anchor::Start, "nobody there");
+        return (group.add(nobody), row.top + 30.0);
+    }
     for (k, person) in shown.iter().enumerate() {
         let last = k + 1 == shown.len();
         group = group.add(errors(&row, person, shades)).add(axes(&row, &format!("person {}", person.id), last));
@@ -111,7 +127,7 @@ fn errors(row: &Row, person: &PersonPath, shades: &[Shade]) -> Group {
         }
         lines = lines.add(Path::new().set("d", d).set("stroke", shade_of(shades, track)));
     }
-    let missed = person.points.iter().filter(|p| p.found.is_none() && !p.settling);
+    let missed = person.points.iter().filter(|p| p.missed());
     let d = missed.fold(String::new(), |mut d, point| {
         d += &format!("M{} {}v-6", unit(row.x(point.seconds)), unit(row.bottom()));
         d

@@ -4,18 +4,19 @@ use proptest::prelude::*;
 
 use super::shown::Shown;
 use super::*;
-use crate::evaluation::{EstimatedPoint, Found, PersonPath, TrackPath, TruePoint};
+use crate::evaluation::{CrossingScore, CrossingVerdict, EstimatedPoint, Found, PersonPath, TrackPath, TruePoint};
+use doorcam_core::tracking::Direction;
 
 const DOORWAY: Doorway = Doorway { width_m: 0.85, wall_thickness_m: 0.12, height_m: None };
 const ROOM: Room = Room { half_width_m: 1.5, depth_m: 3.0 };
 const COVARIANCE: [[f64; 2]; 2] = [[0.01, 0.0], [0.0, 0.04]];
 
 fn svg(people: &[PersonPath], tracks: &[TrackPath], caption: &str) -> String {
-    evaluation_svg(&EvaluationPicture { doorway: &DOORWAY, room: &ROOM, people, tracks, caption })
+    evaluation_svg(&EvaluationPicture { doorway: &DOORWAY, room: &ROOM, people, tracks, crossings: &[], caption })
 }
 
 fn still(seconds: f64, position: Point, found: Option<Found>) -> TruePoint {
-    TruePoint { seconds, position, settling: false, found }
+    TruePoint { seconds, position, settling: false, directed: false, found }
 }
 
 fn estimate(seconds: f64, position: Point, stray: bool) -> EstimatedPoint {
@@ -64,6 +65,55 @@ fn who_walks_is_ticked_and_who_is_missed_is_marked_in_both_panels() {
     let strokes = document.descendants().filter(|n| n.has_tag_name("path") && n.attribute("class") == Some("missed"));
     let strokes: Vec<usize> = strokes.map(|p| p.attribute("d").expect("d").matches('M').count()).collect();
     assert_eq!(strokes, [21, 1]);
+}
+
+#[test]
+fn crossings_are_marked_on_a_line_of_their_own_in_order_of_time() {
+    let crossing = |seconds, direction, verdict| CrossingScore { seconds, direction, verdict };
+    let crossings = [
+        crossing(0.5, Direction::In, CrossingVerdict::Right),
+        crossing(3.0, Direction::Back, CrossingVerdict::False),
+        crossing(5.5, Direction::Out, CrossingVerdict::Missed),
+    ];
+    let person = PersonPath { id: 1, points: vec![still(1.0, [0.0, 1.0], None), still(5.0, [0.0, 1.0], None)] };
+    for people in [&[person][..], &[]] {
+        let picture = EvaluationPicture {
+            doorway: &DOORWAY,
+            room: &ROOM,
+            people,
+            tracks: &[],
+            crossings: &crossings,
+            caption: "",
+        };
+        let text = evaluation_svg(&picture);
+        let document = Document::parse(&text).expect("XML");
+        let line = document.descendants().find(|n| n.attribute("id") == Some("doorcam-crossings")).expect("the line");
+        let marks = line.children().filter(|n| n.has_tag_name("g"));
+        let mark = |mark: Node<'_, '_>| {
+            let word = mark.children().find(|n| n.has_tag_name("text")).expect("a word");
+            let x: f64 = word.attribute("x").expect("a place").parse().expect("a number");
+            let words = word.text().expect("words").trim();
+            (mark.attribute("class").expect("a verdict").to_owned(), words.to_owned(), x)
+        };
+        let marks: Vec<_> = marks.map(mark).collect();
+        let named: Vec<_> = marks.iter().map(|(verdict, word, _)| (verdict.as_str(), word.as_str())).collect();
+        assert_eq!(named, [("right", "in"), ("false", "back"), ("missed", "out")]);
+        // The first and the last are the ends of the line, and the other is in its middle.
+        assert!((marks[1].2 - (marks[0].2 + marks[2].2) / 2.0).abs() < 0.1 && marks[0].2 < marks[1].2, "{marks:?}");
+        assert_eq!(text.contains(">\nnobody there\n<"), people.is_empty());
+        png(&text, 800).expect("PNG");
+    }
+    assert!(!svg(&[], &[], "").contains("doorcam-crossings"));
+}
+
+#[test]
+fn who_is_known_by_direction_is_not_marked_as_missed() {
+    let mut points = vec![still(0.0, [0.0, 1.0], None), still(0.1, [0.0, 1.0], None)];
+    points[0].directed = true;
+    let text = svg(&[PersonPath { id: 1, points }], &[], "");
+    let document = Document::parse(&text).expect("XML");
+    let missed = document.descendants().find(|n| n.has_tag_name("path") && n.attribute("class") == Some("missed"));
+    assert_eq!(missed.and_then(|p| p.attribute("d")).expect("strokes").matches('M').count(), 1);
 }
 
 #[test]
