@@ -343,7 +343,7 @@ mod tests {
             update.state = state;
             let published = Published::new(update.clone(), None, None);
             let observed = Observed::tracks(&published);
-            assert_eq!(read_updates(published.json.as_bytes()).unwrap(), [observed.clone()]);
+            assert_eq!(read_updates(published.json.as_bytes()).unwrap(), std::slice::from_ref(&observed));
             assert_eq!((observed.watching, observed.crossings.len()), (state == State::Watching, 3));
             assert_eq!(Observed::detections(&published).crossings, observed.crossings);
         }
