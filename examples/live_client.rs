@@ -12,7 +12,7 @@ use tungstenite::{ClientRequestBuilder, Message, connect};
 #[derive(Deserialize)]
 struct Update {
     sequence: u64,
-    /// Whether the map can be trusted: learning, watching or relearning.
+    /// Whether the map can be trusted: learning, watching, relearning, obstructed or misaligned.
     state: String,
     tracks: Vec<Track>,
     /// Updates that this client was too slow for; only there if there are any.

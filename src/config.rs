@@ -4,6 +4,7 @@ mod access;
 mod background;
 mod camera;
 mod changes;
+mod crossings;
 mod history;
 mod into_settings;
 mod publish;
@@ -17,6 +18,7 @@ pub use access::AccessConfig;
 pub use background::{AveragingConfig, BackgroundConfig};
 pub use camera::{CameraConfig, StorageConfig};
 pub use changes::{Change, Takes};
+pub use crossings::CrossingsConfig;
 pub use history::HistoryConfig;
 pub use publish::{HookUrl, MqttConfig, SiteConfig, WebhookConfig, topic_level};
 use serde::{Deserialize, Serialize};
@@ -78,6 +80,8 @@ pub struct Config {
     pub scene: SceneConfig,
     /// How people are tracked.
     pub tracker: TrackerConfig,
+    /// Who walks through the doorway.
+    pub crossings: CrossingsConfig,
     /// Named parts of the room.
     pub zones: Vec<Zone>,
     /// How this doorway is told apart from others.

@@ -9,7 +9,9 @@ use doorcam::history::{History, Kept, Numbers};
 use doorcam::publish::Publishers;
 use doorcam::server::{Access, Backend, Server, Tls};
 use doorcam::text::one_line;
-use doorcam::watch::{CalibrationStore, Calibrator, Hub, Keeping, Recordings, ZoneIds, ZoneKeeper, ZoneOrigin, start};
+use doorcam::watch::{
+    CalibrationStore, Calibrator, CrossingKeeper, Hub, Keeping, Recordings, ZoneIds, ZoneKeeper, ZoneOrigin, start,
+};
 use doorcam_core::calibration::Calibration;
 use doorcam_engine::{Assembly, Engine, Work};
 use doorcam_source::recording::Manifest;
@@ -222,6 +224,9 @@ fn serve(
             publishers.take_update(update);
         }
     }));
+    let crossings_file = own_directory.map(|directory| directory.join("crossings.json"));
+    // Before frames start: what comes from now on is counted on top.
+    let crossings = Arc::new(CrossingKeeper::new(crossings_file, Arc::clone(&hub), &history));
     let recordings = directory.map(|directory| directory.join("recordings"));
     let recordings = Arc::new(Recordings::new(recordings, manifest, Arc::clone(&hub)));
     let runtime = tokio::runtime::Runtime::new().context("cannot start the server's threads")?;
@@ -272,6 +277,7 @@ fn serve(
         tracing::info!("{watching}");
         service::ready(&one_line(&watching));
         tokio::spawn(service::feed_watchdog(Arc::clone(&hub)));
+        tokio::spawn(Arc::clone(&crossings).keep());
         server
             .serve(
                 Backend {
@@ -281,6 +287,7 @@ fn serve(
                     config: config_in_use,
                     recordings: Arc::clone(&recordings),
                     zones,
+                    crossings: Arc::clone(&crossings),
                     history,
                     publishers,
                     metrics,
@@ -300,6 +307,9 @@ fn serve(
             .await;
         running.end();
         recordings.finish();
+        if let Err(e) = crossings.save() {
+            tracing::warn!("{e}: how many walked through is lost");
+        }
         kept.end();
         end.send_replace(true);
         // An error here is a panic of the task, which was reported when it happened.

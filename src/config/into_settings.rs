@@ -8,8 +8,8 @@ use super::{Config, Preset};
 impl Config {
     /// The engine's settings, from the sections on room, floor and people.
     pub fn settings(&self) -> Settings {
-        let Self { room, grid, patch, transport, solver, scene, averaging, background, tracker, zones, camera, .. } =
-            self;
+        let Self { room, grid, patch, transport, solver, scene, averaging, background, .. } = self;
+        let Self { tracker, zones, crossings, camera, .. } = self;
         Settings {
             preprocessing: match self.preset {
                 Some(Preset::Published) => Preprocessing::Published,
@@ -53,6 +53,7 @@ impl Config {
             tracker: tracker.settings(*room),
             dwelling: tracker.dwelling(),
             zones: zones.clone(),
+            crossings: crossings.enabled,
             lens: camera.lens(),
             transfer: camera.transfer.clone(),
         }

@@ -115,7 +115,7 @@ mod tests {
         let store = Store::in_memory().unwrap();
         for k in 0..2000 {
             let time = 10 * k + if wrong.contains(&k) { by } else { 0 };
-            let sql = "INSERT INTO events VALUES (?1, 'enter', ?2, 1, 0, 0, NULL)";
+            let sql = "INSERT INTO events VALUES (?1, 'enter', ?2, 1, 0, 0, NULL, NULL, NULL, NULL)";
             store.connection.execute(sql, [k, time]).unwrap();
             EVENTS.note(&store.connection, k, [time, time]).unwrap();
         }

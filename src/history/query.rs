@@ -7,7 +7,10 @@ use super::Span;
 use super::blocks::{EVENTS, OCCUPANCY};
 use super::pages::{Cut, EventPage, EventQuery, Interval, IntervalPage, IntervalQuery, SpanPage, SpanQuery};
 use super::store::{integer, nanoseconds};
-use doorcam_core::tracking::{Event, EventKind};
+use doorcam_core::tracking::{Event, EventKind, ExitReason, Through};
+
+/// The columns that [`read_event`] reads.
+pub(super) const EVENT_COLUMNS: &str = "sequence, kind, time_ns, track, x_m, y_m, zone, through, reason, speed_m_s";
 
 /// The tables to search, in the file and in memory. What is in both is taken from memory.
 pub(super) struct Tables<'a> {
@@ -31,10 +34,7 @@ impl Tables<'_> {
 
     /// The events that match: with `after` or `from` the first of them, otherwise the newest.
     pub(super) fn events(&self, query: &EventQuery) -> rusqlite::Result<EventPage> {
-        let mut events =
-            self.some_events(query, "sequence, kind, time_ns, track, x_m, y_m, zone", read_event, |event| {
-                event.sequence
-            })?;
+        let mut events = self.some_events(query, EVENT_COLUMNS, read_event, |event| event.sequence)?;
         let mut ends: (Option<u64>, Option<u64>) = (None, None);
         for (connection, below) in self.of_events()? {
             let first = end_of_events(connection, "ASC", below)?.and_then(|number| u64::try_from(number).ok());
@@ -293,19 +293,36 @@ fn select_events<T>(
 pub(super) fn read_event(row: &Row<'_>) -> rusqlite::Result<Event> {
     let kind: String = row.get(1)?;
     let kind = EventKind::ALL.into_iter().find(|k| k.name() == kind);
-    let wrong = || rusqlite::Error::InvalidColumnType(1, "kind".into(), rusqlite::types::Type::Text);
     Ok(Event {
         sequence: row.get(0)?,
-        kind: kind.ok_or_else(wrong)?,
+        kind: kind.ok_or_else(|| unknown(1, "kind"))?,
         time: time(row, 2)?,
         track: row.get(3)?,
         x_m: row.get::<_, Option<f64>>(4)?.unwrap_or(f64::NAN),
         y_m: row.get::<_, Option<f64>>(5)?.unwrap_or(f64::NAN),
         zone: row.get(6)?,
-        through: None,
-        reason: None,
-        speed_m_s: None,
+        through: one_of(row, 7, "through", &[Through::Door], Through::name)?,
+        reason: one_of(row, 8, "reason", &ExitReason::ALL, ExitReason::name)?,
+        speed_m_s: row.get(9)?,
     })
+}
+
+/// The value that has the name in this column, if there is a name.
+fn one_of<T: Copy>(
+    row: &Row<'_>,
+    column: usize,
+    called: &str,
+    all: &[T],
+    name: impl Fn(T) -> &'static str,
+) -> rusqlite::Result<Option<T>> {
+    let Some(found) = row.get::<_, Option<String>>(column)? else { return Ok(None) };
+    let known = all.iter().copied().find(|&value| name(value) == found);
+    known.map(Some).ok_or_else(|| unknown(column, called))
+}
+
+/// The error for a name that this version does not know.
+fn unknown(column: usize, called: &str) -> rusqlite::Error {
+    rusqlite::Error::InvalidColumnType(column, called.into(), rusqlite::types::Type::Text)
 }
 
 /// Which spans are asked for.

@@ -56,6 +56,11 @@ pub(super) const MIGRATIONS: &[&str] = &[
     INSERT INTO occupancy_blocks
         SELECT id >> 8, min(from_ns), max(to_ns) FROM occupancy GROUP BY id >> 8;
 ",
+    "
+    ALTER TABLE events ADD COLUMN through TEXT;
+    ALTER TABLE events ADD COLUMN reason TEXT;
+    ALTER TABLE events ADD COLUMN speed_m_s REAL;
+",
 ];
 
 /// Takes the missing steps, all or none. Returns false for the tables of a newer doorcam, which it leaves alone.
@@ -87,7 +92,8 @@ mod tests {
     fn steps_are_taken_once_and_keep_what_is_there() {
         let mut connection = Connection::open_in_memory().unwrap();
         assert!(migrate(&mut connection, MIGRATIONS).unwrap());
-        connection.execute("INSERT INTO events VALUES (5, 'enter', 1, 2, 0.5, 1.5, NULL)", ()).unwrap();
+        let insert = "INSERT INTO events VALUES (5, 'enter', 1, 2, 0.5, 1.5, NULL, NULL, NULL, NULL)";
+        connection.execute(insert, ()).unwrap();
         assert!(migrate(&mut connection, MIGRATIONS).unwrap());
         let longer = [MIGRATIONS, &["ALTER TABLE events ADD COLUMN note TEXT NOT NULL DEFAULT 'none'"]].concat();
         assert!(migrate(&mut connection, &longer).unwrap());
@@ -114,7 +120,24 @@ mod tests {
         assert_eq!(blocks("events"), [(0, 0, 255_000), (1, 256_000, 511_000), (2, 512_000, 599_000)]);
         assert_eq!(blocks("occupancy"), [(0, 50, 95)]);
         let events: u64 = connection.query_row("SELECT count(*) FROM events", (), |row| row.get(0)).unwrap();
-        assert_eq!((events, version(&connection)), (600, 2));
+        assert_eq!((events, version(&connection)), (600, MIGRATIONS.len()));
+    }
+
+    #[test]
+    fn a_file_of_any_version_before_keeps_its_events_which_say_nothing_of_doors() {
+        for steps in 1..MIGRATIONS.len() {
+            let mut connection = Connection::open_in_memory().unwrap();
+            assert!(migrate(&mut connection, &MIGRATIONS[..steps]).unwrap());
+            connection.execute("INSERT INTO events VALUES (5, 'exit', 1, 2, 0.5, 1.5, 'bed')", ()).unwrap();
+            assert!(migrate(&mut connection, MIGRATIONS).unwrap());
+            let sql = "SELECT sequence, zone, through, reason, speed_m_s FROM events";
+            let row = connection.query_row(sql, (), |row| {
+                Ok((row.get::<_, u64>(0)?, row.get::<_, String>(1)?, row.get(2)?, row.get(3)?, row.get(4)?))
+            });
+            let nothing: (Option<String>, Option<String>, Option<f64>) = (None, None, None);
+            assert_eq!(row, Ok((5, "bed".into(), nothing.0, nothing.1, nothing.2)), "from version {steps}");
+            assert_eq!(version(&connection), 3);
+        }
     }
 
     #[test]

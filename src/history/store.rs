@@ -10,11 +10,11 @@ use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension, TransactionB
 use super::blocks::{EVENTS, OCCUPANCY};
 use super::bounds::LONGEST;
 use super::place::{Look, Place};
-use super::query::{read_event, read_span};
+use super::query::{EVENT_COLUMNS, read_event, read_span};
 use super::retention::LOG_PAGES;
 use super::schema::{MIGRATIONS, migrate};
 use super::{Numbers, Span};
-use doorcam_core::tracking::Event;
+use doorcam_core::tracking::{Event, ExitReason, Through};
 
 /// Why the history's file cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -274,13 +274,16 @@ impl Store {
         let transaction = self.connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
         {
             let mut insert = transaction.prepare_cached(
-                "INSERT INTO events (sequence, kind, time_ns, track, x_m, y_m, zone) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)
+                "INSERT INTO events (sequence, kind, time_ns, track, x_m, y_m, zone, through, reason, speed_m_s)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)
                  ON CONFLICT DO NOTHING",
             )?;
-            for Event { sequence, kind, time, track, x_m, y_m, zone, .. } in events {
+            for Event { sequence, kind, time, track, x_m, y_m, zone, through, reason, speed_m_s } in events {
                 let (sequence, track) = (integer(*sequence), integer(*track));
                 let time = nanoseconds(*time);
-                insert.execute(params![sequence, kind.name(), time, track, x_m, y_m, zone])?;
+                let (through, reason) = (through.map(Through::name), reason.map(ExitReason::name));
+                let kind = kind.name();
+                insert.execute(params![sequence, kind, time, track, x_m, y_m, zone, through, reason, speed_m_s])?;
                 EVENTS.note(&transaction, sequence, [time, time])?;
             }
             let mut insert = transaction.prepare_cached(
@@ -303,8 +306,7 @@ impl Store {
 
     /// All rows, to be written elsewhere.
     pub(super) fn everything(&self, next: Numbers) -> rusqlite::Result<Batch> {
-        let mut select =
-            self.connection.prepare("SELECT sequence, kind, time_ns, track, x_m, y_m, zone FROM events")?;
+        let mut select = self.connection.prepare(&format!("SELECT {EVENT_COLUMNS} FROM events"))?;
         let events = select.query_map((), read_event)?.collect::<Result<_, _>>()?;
         let mut select = self.connection.prepare("SELECT id, zone, people, from_ns, to_ns FROM occupancy")?;
         let spans = select.query_map((), read_span)?.collect::<Result<_, _>>()?;

@@ -44,6 +44,19 @@ fn numbers_go_on_after_an_end_and_leap_after_a_crash() {
 }
 
 #[test]
+fn what_somebody_left_through_and_how_fast_they_crossed_is_kept() {
+    let mut events = vec![
+        Event { kind: EventKind::CrossOut, speed_m_s: Some(1.25), ..event(0) },
+        Event { kind: EventKind::Exit, through: Some(Through::Door), reason: Some(ExitReason::Door), ..event(1) },
+        event(2),
+    ];
+    events.extend((3..).zip(ExitReason::ALL).map(|(k, reason)| Event { reason: Some(reason), ..event(k) }));
+    let mut store = Store::in_memory().unwrap();
+    store.write(&Batch { events: events.clone(), ..Batch::default() }).unwrap();
+    assert_eq!(store.everything(Numbers::default()).unwrap().events, events);
+}
+
+#[test]
 fn two_do_not_keep_the_same_file() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("history.sqlite");

@@ -18,7 +18,7 @@ use super::tag::{self, Tag};
 use crate::config::Config;
 use crate::history::HistoryReport;
 use crate::publish::PublishReport;
-use crate::watch::{Command, Reason, Status, Watching};
+use crate::watch::{Command, Status, Watching};
 use doorcam_core::geometry::{Doorway, Point, Room};
 use doorcam_core::schema;
 use doorcam_core::tracking::Zone;
@@ -211,16 +211,13 @@ pub(super) async fn reset_background(State(shared): State<Shared>) -> Response {
 /// Whether doorcam is watching, as `watching` in the status says; the problem names the reason.
 #[utoipa::path(
     get, path = "/readyz", tag = STATE,
-    responses((status = 200, description = "It is watching, or learning the empty room, and says which", body = String), (status = 503, response = NotReady))
+    responses((status = 200, description = "It is watching, learning the empty room, or obstructed for the moment, and says which", body = String), (status = 503, response = NotReady))
 )]
 pub(super) async fn readyz(State(shared): State<Shared>) -> Response {
     let Watching { reason, since, .. } = shared.hub.watching();
     match reason {
         None => "ready\n".into_response(),
-        // The updates are of now, and say that they have no map yet. Nothing needs to be restarted.
-        Some(reason @ (Reason::Learning | Reason::Relearning)) => {
-            format!("ready: {}\n", reason.words()).into_response()
-        }
+        Some(reason) if reason.passes() => format!("ready: {}\n", reason.words()).into_response(),
         Some(reason) => {
             let (name, words) = (reason.name(), reason.words());
             let detail = format!("{name}: not watching since {since:.0}: {words}; see /api/v1/status");

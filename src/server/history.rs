@@ -49,8 +49,11 @@ pub(super) struct WantedEvents {
     /// Only events before this time.
     #[serde(default, deserialize_with = "instant")]
     to: Option<Timestamp>,
-    /// Only events of these kinds, separated by commas: `enter`, `exit`, `dwell`, `zone_enter`, `zone_exit`.
-    #[param(pattern = "^(enter|exit|dwell|zone_enter|zone_exit)(,(enter|exit|dwell|zone_enter|zone_exit))*$")]
+    /// Only events of these kinds, separated by commas: `enter`, `exit`, `dwell`, `zone_enter`, `zone_exit`, `cross_in`,
+    /// `cross_out`, `cross_back`.
+    #[param(
+        pattern = "^((zone_)?(enter|exit)|dwell|cross_(in|out|back))(,((zone_)?(enter|exit)|dwell|cross_(in|out|back)))*$"
+    )]
     kind: Option<String>,
     /// Only events of this track.
     track: Option<u64>,
@@ -143,7 +146,7 @@ pub(super) async fn events(
                 Ok(cut) => cut,
                 Err(refused) => return refused.into_response(),
             };
-            let columns = ["sequence", "kind", "time", "track", "x_m", "y_m", "zone"];
+            let columns = ["sequence", "kind", "time", "track", "x_m", "y_m", "zone", "through", "reason", "speed_m_s"];
             // From a time on, so that it begins with the first events and not with the newest.
             let query = EventQuery { from: query.from.or(Some(Timestamp::MIN)), limit: MOST_ROWS, ..query };
             let rows = csv(shared, Asking::Page, &columns, begin(&cut), move |history, (after, last), until| {
@@ -359,6 +362,8 @@ mod tests {
     #[test]
     fn kinds_are_known_by_name() {
         assert_eq!(kinds(Some("enter,zone_exit")), Ok(vec![EventKind::Enter, EventKind::ZoneExit]));
+        let crossings = vec![EventKind::CrossIn, EventKind::CrossOut, EventKind::CrossBack];
+        assert_eq!(kinds(Some("cross_in,cross_out,cross_back")), Ok(crossings));
         assert_eq!(kinds(None), Ok(Vec::new()));
         assert!(
             kinds(Some("arrive")).unwrap_err().starts_with("kind is \"arrive\", expected some of enter, exit, dwell")

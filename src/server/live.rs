@@ -17,6 +17,7 @@ use super::access::Pass;
 use super::answers::{NoSocket, ROOM};
 use super::problem::ProblemDetails;
 use super::{FAREWELL, Shared};
+use crate::watch::CrossingsReport;
 use doorcam_engine::Update;
 
 /// A client that takes no bytes for this long is disconnected.
@@ -69,6 +70,9 @@ pub(super) struct LiveMessage {
     /// How many updates this client missed right before this one; left out if none.
     #[schema(minimum = 1)]
     missed: Option<u64>,
+    /// Who walked through the doorway, as `/crossings` tells it: with the first message of a socket and whenever it has
+    /// changed, otherwise left out.
+    crossings: Option<CrossingsReport>,
 }
 
 /// Counts a client until it is dropped.
@@ -112,7 +116,7 @@ async fn serve(mut socket: WebSocket, shared: Shared, pass: Pass) {
     let _counted = Counted::new(Arc::clone(&shared.clients));
     let mut updates = shared.hub.subscribe();
     updates.mark_changed();
-    let mut last = None;
+    let (mut last, mut told) = (None, None);
     let mut ending = shared.ending;
     let mut let_in = pin!(shared.access.ended(pass));
     let mut pulse = Pulse::default();
@@ -127,11 +131,15 @@ async fn serve(mut socket: WebSocket, shared: Shared, pass: Pass) {
                 let latest = updates.borrow_and_update().clone();
                 let Some(latest) = latest else { continue };
                 let sequence = latest.update.sequence;
-                match last.replace(sequence) {
-                    Some(last) => Message::Text(text(&latest.json, sequence.saturating_sub(last + 1))),
+                let crossings = Some(shared.hub.crossings());
+                let news = if crossings == told { None } else { crossings.as_ref() };
+                let text = match last.replace(sequence) {
+                    Some(last) => text(&latest.json, sequence.saturating_sub(last + 1), news),
                     // What a client gets first may be minutes old.
-                    None => Message::Text(text(&shared.hub.json(&latest), 0)),
-                }
+                    None => text(&shared.hub.json(&latest), 0, news),
+                };
+                told = crossings;
+                Message::Text(text)
             }
             received = socket.recv() => match received {
                 Some(Ok(Message::Close(_))) | None => return,
@@ -156,12 +164,19 @@ async fn serve(mut socket: WebSocket, shared: Shared, pass: Pass) {
     }
 }
 
-/// The text of an update, which is serialised once for all clients. For a client that missed updates, `missed` is put
-/// before the other keys, so that the message is still an update to clients that ignore it.
-fn text(json: &str, missed: u64) -> Utf8Bytes {
-    match json.strip_prefix('{') {
-        Some(keys) if missed > 0 => format!("{{\"missed\":{missed},{keys}").into(),
-        _ => Utf8Bytes::from(json),
+/// The text of an update, which is serialised once for all clients. What is told to one client alone is put before the
+/// other keys, so that the message is still an update to clients that ignore it: `missed` if it missed updates, and
+/// `crossings` if they are news.
+fn text(json: &str, missed: u64, crossings: Option<&CrossingsReport>) -> Utf8Bytes {
+    let missed = (missed > 0).then(|| format!("\"missed\":{missed},"));
+    // Serialisation cannot fail, because all keys are strings.
+    let crossings = crossings.and_then(|crossings| serde_json::to_string(crossings).ok());
+    let crossings = crossings.map(|crossings| format!("\"crossings\":{crossings},"));
+    match (json.strip_prefix('{'), missed, crossings) {
+        (None, ..) | (_, None, None) => Utf8Bytes::from(json),
+        (Some(keys), missed, crossings) => {
+            format!("{{{}{}{keys}", missed.unwrap_or_default(), crossings.unwrap_or_default()).into()
+        }
     }
 }
 
@@ -188,6 +203,7 @@ pub(super) async fn until(ending: &mut watch::Receiver<bool>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use jiff::Timestamp;
 
     #[test]
     fn who_answers_no_ping_is_given_up_and_who_answers_some_is_not() {
@@ -206,7 +222,28 @@ mod tests {
     #[test]
     fn who_missed_something_gets_the_same_update_and_the_count() {
         let json = r#"{"version":1,"sequence":7}"#;
-        assert_eq!(text(json, 0).as_str(), json);
-        assert_eq!(text(json, 3).as_str(), r#"{"missed":3,"version":1,"sequence":7}"#);
+        assert_eq!(text(json, 0, None).as_str(), json);
+        assert_eq!(text(json, 3, None).as_str(), r#"{"missed":3,"version":1,"sequence":7}"#);
+    }
+
+    #[test]
+    fn who_does_not_know_the_crossings_yet_gets_the_same_update_and_them() {
+        let crossings = CrossingsReport {
+            available: true,
+            reason: None,
+            inside: 2,
+            since: Timestamp::UNIX_EPOCH,
+            came_in: 3,
+            out: 1,
+            back: 0,
+            last: None,
+        };
+        let told = r#"{"available":true,"reason":null,"inside":2,"since":"1970-01-01T00:00:00Z","in":3,"out":1,"back":0,"last":null}"#;
+        let json = r#"{"version":1}"#;
+        assert_eq!(text(json, 0, Some(&crossings)).as_str(), format!("{{\"crossings\":{told},\"version\":1}}"));
+        assert_eq!(
+            text(json, 1, Some(&crossings)).as_str(),
+            format!("{{\"missed\":1,\"crossings\":{told},\"version\":1}}")
+        );
     }
 }

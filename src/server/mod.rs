@@ -6,6 +6,7 @@ mod api;
 mod assets;
 mod calibration;
 mod connections;
+mod crossings;
 mod frame;
 mod history;
 mod jobs;
@@ -51,7 +52,7 @@ use self::problem::ProblemDetails;
 use crate::config::{Config, ServerConfig};
 use crate::history::History;
 use crate::publish::Publishers;
-use crate::watch::{Calibrator, Control, Hub, Recordings, ZoneKeeper};
+use crate::watch::{Calibrator, Control, CrossingKeeper, Hub, Recordings, ZoneKeeper};
 
 /// Why the server cannot start.
 #[derive(Debug, thiserror::Error)]
@@ -80,6 +81,8 @@ pub struct Backend {
     pub recordings: Arc<Recordings>,
     /// The zones.
     pub zones: Arc<ZoneKeeper>,
+    /// Who walked through the doorway.
+    pub crossings: Arc<CrossingKeeper>,
     /// Events and occupancy.
     pub history: History,
     /// The MQTT broker and the webhooks that are told of them.
@@ -97,6 +100,7 @@ struct Shared {
     config: watch::Receiver<Config>,
     recordings: Arc<Recordings>,
     zones: Arc<ZoneKeeper>,
+    crossings: Arc<CrossingKeeper>,
     history: History,
     turns: history::Turns,
     publishers: Publishers,
@@ -166,7 +170,8 @@ impl Server {
 
     /// Serves until `end` completes, then tells the clients and gives them a moment to disconnect.
     pub async fn serve(self, backend: Backend, end: impl Future<Output = ()>) {
-        let Backend { hub, control, calibrator, config, recordings, zones, history, publishers, metrics } = backend;
+        let Backend { hub, control, calibrator, config, recordings, zones, crossings, history, publishers, metrics } =
+            backend;
         let (tell, ending) = watch::channel(false);
         let shared = Shared {
             hub,
@@ -175,6 +180,7 @@ impl Server {
             config,
             recordings,
             zones,
+            crossings,
             history,
             turns: history::Turns::default(),
             publishers,
@@ -218,6 +224,7 @@ fn described() -> OpenApiRouter<Shared> {
         .routes(routes!(history::events))
         .routes(routes!(history::occupancy))
         .routes(routes!(people::zones, zones::put, zones::delete))
+        .routes(routes!(crossings::get, crossings::put))
         .routes(routes!(recording::get, recording::post, recording::delete))
         .routes(routes!(uncertainty::uncertainty))
         .routes(routes!(calibration::get, calibration::put))

@@ -2,10 +2,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
+use jiff::tz::TimeZone;
 use tokio::sync::watch;
 
 use crate::config::{Config, Preset, TrackerConfig};
 use crate::feed::SourceInfo;
+use crate::watch::crossings::{Crossings, Tally, why_not};
 use crate::watch::meters::Meters;
 use crate::watch::rate::Rate;
 use crate::watch::recent::Recent;
@@ -13,7 +15,7 @@ use crate::watch::skips::Skips;
 use crate::watch::status::{Frames, LastUpdate, Rates, SourceStatus, Status};
 use crate::watch::tap::Tap;
 use crate::watch::watching::{Observed, Watching};
-use crate::watch::{TrackHistory, ZoneIds};
+use crate::watch::{CrossingsReport, TrackHistory, ZoneIds};
 use doorcam_core::tracking::{Event, TrackState, Zone};
 use doorcam_engine::{Published, State, Update, Watched};
 use doorcam_source::recorder::RecordingStatus;
@@ -47,6 +49,11 @@ pub struct Hub {
     latest: watch::Sender<Option<Arc<Published>>>,
     recent: Mutex<Recent>,
     zones: Mutex<Zoned>,
+    /// Whether crossings are configured to be told.
+    tells_crossings: bool,
+    crossings: Mutex<Crossings>,
+    /// Told when what is kept of them has changed.
+    crossed: watch::Sender<()>,
     listeners: Vec<Listener>,
     counters: Mutex<Counters>,
     tap: Tap,
@@ -95,6 +102,9 @@ impl Hub {
             latest: watch::Sender::new(None),
             recent: Mutex::new(Recent::new(TrackerConfig::default().history_s)),
             zones: Mutex::default(),
+            tells_crossings: true,
+            crossings: Mutex::new(Crossings::new(TimeZone::system(), Timestamp::now())),
+            crossed: watch::Sender::new(()),
             listeners: Vec::new(),
             counters: Mutex::new(counters),
             tap: Tap::default(),
@@ -103,8 +113,9 @@ impl Hub {
         }
     }
 
-    /// Takes the zones and the length of the paths to keep from the configuration.
+    /// Takes the zones, the length of the paths to keep and whether crossings are told from the configuration.
     pub fn configured(mut self, config: &Config) -> Self {
+        self.tells_crossings = config.crossings.enabled;
         self.recent = Mutex::new(Recent::new(config.tracker.history_s));
         lock(&self.zones).zones = ZoneIds::default().identified(&config.zones);
         self
@@ -158,7 +169,58 @@ impl Hub {
     pub fn exposition(&self) -> String {
         let latest = self.latest();
         let tracks = latest.iter().flat_map(|latest| &latest.update.tracks);
-        self.watching().exposition(tracks.filter(|track| track.state != TrackState::Tentative).count())
+        let mut text = self.watching().exposition(tracks.filter(|track| track.state != TrackState::Tentative).count());
+        text.push_str(&self.crossings().exposition());
+        text
+    }
+
+    /// Who walked through the doorway: the one answer for everybody who asks.
+    pub fn crossings(&self) -> CrossingsReport {
+        let never = lock(&self.watched).as_ref().and_then(|watched| watched.no_crossings.clone());
+        let unavailable = why_not(self.tells_crossings, never, self.watching().reason);
+        lock(&self.crossings).report(unavailable, Timestamp::now())
+    }
+
+    /// What is counted of them at `now`.
+    pub(super) fn tally(&self, now: Timestamp) -> Tally {
+        lock(&self.crossings).tally(now).clone()
+    }
+
+    /// From when on an earlier run may have seen crossings that are not in its `kept` tally.
+    pub(super) fn reread_crossings_from(&self, kept: Option<&Tally>, now: Timestamp) -> Timestamp {
+        let midnight = lock(&self.crossings).midnight(now);
+        kept.map_or(midnight, |kept| kept.reread_from(midnight))
+    }
+
+    /// Goes on counting where an earlier run has ended.
+    pub(super) fn resume_crossings(&self, kept: Option<Tally>, crossings: &[Event], now: Timestamp) {
+        lock(&self.crossings).go_on(kept, crossings, now);
+        self.crossed.send_replace(());
+    }
+
+    /// Sets the estimate of how many people are inside.
+    pub(super) fn set_inside(&self, inside: u32, now: Timestamp) {
+        lock(&self.crossings).set_inside(inside, now);
+        self.crossed.send_replace(());
+    }
+
+    /// A receiver that is notified when what is counted of them has changed.
+    pub(super) fn crossing_changes(&self) -> watch::Receiver<()> {
+        self.crossed.subscribe()
+    }
+
+    /// Counts the crossings among events. Mostly there are none.
+    fn count_crossings(&self, events: &[Event]) {
+        let crossings = events.iter().filter(|event| event.kind.direction().is_some());
+        let mut changed = false;
+        for event in crossings {
+            let direction = lock(&self.crossings).take(event, Timestamp::now());
+            direction.into_iter().for_each(|direction| self.meters.crossed(direction));
+            changed = true;
+        }
+        if changed {
+            self.crossed.send_replace(());
+        }
     }
 
     /// Whether the map can be trusted.
@@ -225,6 +287,7 @@ impl Hub {
         let now = Instant::now();
         let last = self.latest();
         let watched = self.watched();
+        let crossings = self.crossings();
         let mut counters = lock(&self.counters);
         let counters = &mut *counters;
         let watching = counters.observed.watching(now);
@@ -239,6 +302,7 @@ impl Hub {
             calibrated: watched.is_some(),
             calibration_revision: watched.map_or(0, |w| w.calibration),
             zones_revision: self.zones_revision(),
+            crossings,
             lambda: last.as_ref().map_or(0.0, |p| p.update.solution.lambda),
             source: SourceStatus {
                 info: self.source.clone(),
@@ -268,6 +332,7 @@ impl Hub {
         drop(counters);
         self.meters.publish(&published.update);
         lock(&self.recent).take(&published.update);
+        self.count_crossings(&published.update.events);
         self.listeners.iter().for_each(|listen| listen(&published.update));
         self.latest.send_replace(Some(Arc::new(published)));
     }
@@ -360,6 +425,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::watch::crossings::tests::crossing;
+    use doorcam_core::tracking::EventKind;
     use doorcam_source::SkipKind;
 
     fn skipped(name: &str, kind: SkipKind) -> SkippedFrame {
@@ -381,6 +448,55 @@ mod tests {
         assert_eq!(said, [Some((1, 1)), None, Some((3, 1)), None]);
         let status = hub.status(0);
         assert_eq!((status.frames.skipped, status.frames.last_skipped.as_deref()), (4, Some("d: bad")));
+    }
+
+    /// Publishes an update in this state, with these events.
+    fn publish(hub: &Hub, state: State, events: &[Event]) {
+        let mut update = Update::blank("signed", 0, Timestamp::now(), None, doorcam_engine::Timing::default());
+        update.state = state;
+        update.events.extend_from_slice(events);
+        hub.publish(Published::new(update, None, None));
+    }
+
+    #[test]
+    fn who_walks_through_is_counted_once_for_everybody_who_asks() {
+        let hub = hub();
+        let mut changes = hub.crossing_changes();
+        let report = hub.crossings();
+        assert_eq!(
+            (report.available, report.reason.as_deref()),
+            (false, Some("not watching: the source is being opened"))
+        );
+        publish(&hub, State::Watching, &[]);
+        assert!(hub.crossings().available && !changes.has_changed().unwrap());
+        let kinds =
+            [EventKind::CrossIn, EventKind::Enter, EventKind::CrossIn, EventKind::CrossBack, EventKind::CrossOut];
+        let events: Vec<Event> = (7..).zip(kinds).map(|(k, kind)| crossing(k, kind, Timestamp::now())).collect();
+        publish(&hub, State::Watching, &events);
+        let report = hub.crossings();
+        assert_eq!((report.came_in, report.out, report.back, report.inside), (2, 1, 1, 1));
+        assert_eq!(report.last.as_ref(), events.last());
+        assert_eq!(hub.status(0).crossings, report);
+        assert!(hub.exposition().contains("\ndoorcam_inside 1\n"), "{}", hub.exposition());
+        assert!(changes.has_changed().unwrap());
+        changes.mark_unchanged();
+        // Who walks through covers both patches, and is seen in the whole picture.
+        publish(&hub, State::Obstructed, &[crossing(12, EventKind::CrossIn, Timestamp::now())]);
+        let report = hub.crossings();
+        assert_eq!((report.available, report.inside), (true, 2));
+        publish(&hub, State::Misaligned, &[]);
+        let report = hub.crossings();
+        let why = "not watching: the camera has moved since it was calibrated";
+        assert_eq!((report.available, report.reason.as_deref(), report.inside), (false, Some(why), 2));
+        assert!(hub.exposition().contains("\ndoorcam_inside NaN\n"));
+    }
+
+    #[test]
+    fn crossings_that_are_turned_off_say_so() {
+        let hub = hub().configured(&Config::parse("[crossings]\nenabled = false\n").unwrap());
+        publish(&hub, State::Watching, &[]);
+        let report = hub.crossings();
+        assert_eq!((report.available, report.reason.as_deref()), (false, Some("crossings.enabled is false")));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use metrics::{
     Counter, Gauge, Histogram, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram,
 };
 
+use doorcam_core::tracking::Direction;
 use doorcam_engine::{SolutionReport, Timing, Update};
 use doorcam_source::SourceState;
 
@@ -19,6 +20,9 @@ pub(super) struct Meters {
     stages: [Histogram; 7],
     background_age: Gauge,
     gap: Gauge,
+    crossings: [(Direction, Counter); 3],
+    /// Share of each patch that is used, left and right.
+    used: [Gauge; 2],
 }
 
 const SOURCE_STATES: [(SourceState, &str); 7] = [
@@ -49,6 +53,8 @@ impl Meters {
             "Time since the empty room was learned; NaN while it is being learned"
         );
         describe_gauge!("doorcam_solution_gap", "Relative gap between the newest map's objective and its lower bound");
+        describe_counter!("doorcam_crossings_total", "People who walked through the doorway since the start");
+        describe_gauge!("doorcam_view_used", "Share of each patch's pixels that show the floor and are used");
         describe_gauge!("doorcam_clients", "Clients of the live socket");
         let meters = Self {
             captured: counter!("doorcam_frames_captured_total"),
@@ -61,11 +67,12 @@ impl Meters {
             stages: STAGES.map(|stage| histogram!("doorcam_stage_seconds", "stage" => stage)),
             background_age: gauge!("doorcam_background_age_seconds"),
             gap: gauge!("doorcam_solution_gap"),
+            crossings: Direction::ALL.map(|way| (way, counter!("doorcam_crossings_total", "direction" => way.name()))),
+            used: ["left", "right"].map(|patch| gauge!("doorcam_view_used", "patch" => patch)),
         };
         // A counter that has never been incremented should be reported as 0, not be absent.
-        for counter in
-            [&meters.captured, &meters.solved, &meters.dropped, &meters.lost, &meters.skipped, &meters.failed]
-        {
+        let frames = [&meters.captured, &meters.solved, &meters.dropped, &meters.lost, &meters.skipped, &meters.failed];
+        for counter in frames.into_iter().chain(meters.crossings.iter().map(|(_, counter)| counter)) {
             counter.increment(0);
         }
         meters.source_is(SourceState::Opening);
@@ -76,6 +83,11 @@ impl Meters {
         self.source.iter().for_each(|(state, gauge)| gauge.set(f64::from(*state == now)));
     }
 
+    /// Counts somebody who walked through the doorway.
+    pub(super) fn crossed(&self, direction: Direction) {
+        self.crossings.iter().filter(|(way, _)| *way == direction).for_each(|(_, counter)| counter.increment(1));
+    }
+
     /// Records an update and the time that each of its stages took.
     pub(super) fn publish(&self, update: &Update) {
         self.solved.increment(1);
@@ -84,6 +96,9 @@ impl Meters {
             histogram.record(ms / 1e3);
         }
         self.background_age.set(update.background.and_then(|background| background.age_s).unwrap_or(f64::NAN));
+        let [left, right] = &self.used;
+        left.set(update.view.left.used);
+        right.set(update.view.right.used);
         let SolutionReport { objective, bound, .. } = update.solution;
         self.gap.set(if objective > 0.0 { (objective - bound) / objective } else { 0.0 });
     }

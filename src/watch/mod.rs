@@ -5,6 +5,8 @@
 
 mod calibration_store;
 mod calibrator;
+mod crossing_keeper;
+mod crossings;
 mod hub;
 mod mailbox;
 mod meters;
@@ -21,6 +23,8 @@ mod zones;
 
 pub use calibration_store::{CalibrationStore, StoreError};
 pub use calibrator::{CalibrationRefused, CalibrationReport, Calibrator, Keeping, Precondition};
+pub use crossing_keeper::{CrossingKeeper, InsideRefused};
+pub use crossings::{CrossingsReport, MOST_INSIDE};
 pub use hub::{CapturedImages, Hub};
 pub use mailbox::{Mailbox, Put, Taken};
 pub use recent::{PathPoint, TrackHistory};

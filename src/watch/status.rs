@@ -10,7 +10,7 @@ use utoipa::ToSchema;
 
 use crate::config::Preset;
 use crate::feed::SourceInfo;
-use crate::watch::Watching;
+use crate::watch::{CrossingsReport, Watching};
 
 /// Counts of frames since the start.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, ToSchema)]
@@ -59,6 +59,8 @@ pub struct Status {
     pub calibration_revision: u32,
     /// Counts changes of the zones in this run.
     pub zones_revision: u32,
+    /// Who walked through the doorway, as `/crossings` tells it.
+    pub crossings: CrossingsReport,
     /// Where frames come from.
     pub source: SourceStatus,
     /// Counts of frames.

@@ -57,6 +57,12 @@ impl Reason {
         }
     }
 
+    /// Whether it passes by itself within seconds: the updates are of now and say that they have no map, and nothing
+    /// needs to be started anew.
+    pub fn passes(self) -> bool {
+        matches!(self, Self::Learning | Self::Relearning | Self::Obstructed)
+    }
+
     /// The reason in words.
     pub fn words(self) -> &'static str {
         match self {
@@ -354,6 +360,27 @@ mod tests {
         assert_eq!(run.ask(62.0), ("learning", 61.0, State::Learning));
         run.source(63.0, SourceState::Lost);
         assert_eq!(run.ask(64.0), ("no-camera", 63.0, State::Stale));
+    }
+
+    #[test]
+    fn what_the_updates_say_is_told_as_the_reason_and_only_some_of_it_passes() {
+        for (state, reason, passes) in [
+            (State::Learning, "learning", true),
+            (State::Relearning, "relearning", true),
+            (State::Obstructed, "obstructed", true),
+            (State::Misaligned, "misaligned", false),
+            (State::Stale, "stale", false),
+        ] {
+            let mut run = Run::new(true);
+            run.update(1.0, state);
+            assert_eq!(run.ask(1.5), (reason, 1.0, state));
+            assert_eq!(run.observed.watching(run.at(1.5).0).reason.map(Reason::passes), Some(passes), "{reason}");
+            run.update(2.0, State::Watching);
+            assert_eq!(run.ask(2.5), ("", 2.0, State::Watching));
+        }
+        assert!(
+            ![Reason::NoCamera, Reason::Uncalibrated, Reason::Ended, Reason::Failed].into_iter().any(Reason::passes)
+        );
     }
 
     #[test]

@@ -71,7 +71,9 @@ fn events_and_occupancy_come_in_pages_and_as_csv() {
     }
     let (csv, kind, _) = fetch(&daemon, "/api/v1/events", "text/csv");
     let lines: Vec<&str> = csv.lines().collect();
-    assert!(kind.starts_with("text/csv") && lines[0] == "sequence,kind,time,track,x_m,y_m,zone", "{csv}");
+    let columns = "sequence,kind,time,track,x_m,y_m,zone,through,reason,speed_m_s";
+    assert!(kind.starts_with("text/csv") && lines[0] == columns, "{csv}");
+    assert!(lines.iter().all(|line| line.matches(',').count() == 9), "{csv}");
     assert_eq!(lines.len(), events.len() + 1);
     assert!(lines[1].starts_with(&format!(
         "{},{},{}",

@@ -107,7 +107,7 @@ fn the_whole_history_comes_as_csv_in_pages_whose_cells_no_spreadsheet_calculates
         let (status, head, body) = fetch(&daemon, &next);
         assert_eq!(status, 200, "{head}");
         let mut lines = body.lines();
-        assert_eq!(lines.next(), Some("sequence,kind,time,track,x_m,y_m,zone"));
+        assert_eq!(lines.next(), Some("sequence,kind,time,track,x_m,y_m,zone,through,reason,speed_m_s"));
         rows.extend(lines.map(String::from));
         pages += 1;
         path = head.lines().find(|line| line.starts_with("link: ")).map(|link| {
@@ -120,7 +120,7 @@ fn the_whole_history_comes_as_csv_in_pages_whose_cells_no_spreadsheet_calculates
     for (k, row) in rows.iter().enumerate() {
         assert!(row.starts_with(&format!("{k},")), "{row}");
         let zone = if k < 50 { "'=hall" } else { "bed" };
-        assert!(row.ends_with(&format!(",{},0.5,-1.25,{zone}", k / 10)), "{row}");
+        assert!(row.ends_with(&format!(",{},0.5,-1.25,{zone},,,", k / 10)), "{row}");
     }
     let newest = fetch(&daemon, "/api/v1/events?format=csv&limit=2").2;
     assert!(newest.lines().nth(1).unwrap().starts_with("24998,") && newest.lines().count() == 3, "{newest}");

@@ -69,6 +69,29 @@ fn every_message_is_as_the_schema_says() {
     assert!(!schema.is_valid(&wrong));
 }
 
+#[test]
+fn crossings_come_with_the_first_message_and_when_they_have_changed() {
+    let dir = grey_recording(&manifest(), 9);
+    let daemon = Daemon::start(&format!("replay:{},loop", dir.path().display()), &[]);
+    let path = "/api/v1/crossings";
+    let mut socket = daemon.live();
+    let mut told = next(&mut socket)["crossings"].clone();
+    assert!(told.is_object(), "{told}");
+    for inside in [2, 5] {
+        assert_eq!(daemon.send("PUT", path, &json!({"inside": inside})).0, 200);
+        // Whether they are available also changes, as the map comes and goes.
+        while told["inside"] != inside {
+            if let Some(crossings) = next(&mut socket).get("crossings") {
+                assert_ne!(*crossings, told, "only news");
+                told.clone_from(crossings);
+            }
+        }
+        let known = daemon.json(path);
+        let of = |value: &Value| ["in", "out", "back", "inside", "since", "last"].map(|key| value[key].clone());
+        assert_eq!(of(&told), of(&known), "the same as over REST");
+    }
+}
+
 /// A client with a tiny receive buffer.
 fn narrow(daemon: &Daemon) -> WebSocket<TcpStream> {
     let address: std::net::SocketAddr = daemon.url.trim_start_matches("http://").parse().unwrap();

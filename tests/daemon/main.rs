@@ -12,6 +12,7 @@ mod bench;
 mod brightness;
 mod calibration;
 mod crb;
+mod crossings;
 mod daemon_recording;
 mod endurance;
 mod errors;

@@ -29,8 +29,8 @@ fn agreed(daemon: &Daemon) -> Value {
         assert_eq!(watching, told["reason"].is_null(), "{told}");
         assert_eq!(watching, state == "watching", "{before}");
         assert!(told["since"].is_string() && told["until"].is_null(), "{told}");
-        // While it learns, its updates are of now and say so.
-        let learning = ["learning", "relearning"].contains(&told["reason"].as_str().unwrap_or_default());
+        // While it learns, its updates are of now and say so. What covers the floor goes by itself.
+        let learning = ["learning", "relearning", "obstructed"].contains(&told["reason"].as_str().unwrap_or_default());
         assert_eq!(ready, if watching || learning { 200 } else { 503 });
         let ready_body = String::from_utf8(ready_body).unwrap();
         assert_eq!(ready == 200 && ready_body != "ready\n", learning, "{ready_body}");

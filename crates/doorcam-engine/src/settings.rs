@@ -39,6 +39,8 @@ pub struct Settings {
     pub dwelling: Dwelling,
     /// Named parts of the room.
     pub zones: Vec<Zone>,
+    /// Whether to tell who walks through the doorway.
+    pub crossings: bool,
     /// Lens of cameras whose calibration has none.
     pub lens: Option<Lens>,
     /// Transfer function of cameras whose calibration has none.
@@ -143,6 +145,7 @@ impl Default for Settings {
             },
             dwelling: Dwelling { seconds: 10.0, radius_m: 0.4 },
             zones: Vec::new(),
+            crossings: true,
             lens: None,
             transfer: Transfer::Srgb,
         }

@@ -12,6 +12,9 @@ fn pictures_of_the_visible_side_are_withheld_where_they_are_switched_off() {
     }
     doorcam.daemon.wait_for("a map", |s| s["state"] == "watching");
     assert_eq!(doorcam.ask("GET", "/api/v1/reconstruction", &[]).status, 200);
+    // Who walks through is no picture.
+    let crossings = doorcam.ask("GET", "/api/v1/crossings", &[]);
+    assert!(crossings.status == 200 && !crossings.body.contains("images"), "{}", crossings.body);
     assert!(doorcam.ask("GET", "/api/v1/session", &[]).body.contains("\"images\":false"));
     assert_eq!(doorcam.ask("GET", "/api/v1/difference.png", &[]).status, 200);
     // With pictures switched on, a recording of patches has no such picture, so the answer is 404 and not 403.

@@ -4,7 +4,7 @@ use super::client::{CONTROL, Guarded, READ, bearer, write_with_mode};
 use crate::common::{doorcam, grey_recording, manifest, stderr};
 
 /// The routes that read.
-const READS: [&str; 16] = [
+const READS: [&str; 17] = [
     "/metrics",
     "/api/v1/status",
     "/api/v1/geometry",
@@ -17,6 +17,7 @@ const READS: [&str; 16] = [
     "/api/v1/tracks",
     "/api/v1/tracks/1",
     "/api/v1/events",
+    "/api/v1/crossings",
     "/api/v1/zones",
     "/api/v1/uncertainty",
     "/api/v1/calibration",
@@ -24,11 +25,12 @@ const READS: [&str; 16] = [
 ];
 
 /// The routes that change something.
-const CHANGES: [(&str, &str); 8] = [
+const CHANGES: [(&str, &str); 9] = [
     ("PUT", "/api/v1/calibration"),
     ("POST", "/api/v1/calibration/check"),
     ("POST", "/api/v1/calibration/previous"),
     ("POST", "/api/v1/background/reset"),
+    ("PUT", "/api/v1/crossings"),
     ("PUT", "/api/v1/zones"),
     ("DELETE", "/api/v1/zones"),
     ("POST", "/api/v1/recording"),

@@ -14,6 +14,18 @@ pub enum Direction {
 }
 
 impl Direction {
+    /// Every direction.
+    pub const ALL: [Self; 3] = [Self::In, Self::Out, Self::Back];
+
+    /// The name used in JSON and elsewhere.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::In => "in",
+            Self::Out => "out",
+            Self::Back => "back",
+        }
+    }
+
     /// The event that tells such a crossing.
     pub fn kind(self) -> EventKind {
         match self {
@@ -31,6 +43,15 @@ impl Direction {
 pub enum Through {
     /// The doorway that is watched.
     Door,
+}
+
+impl Through {
+    /// The name used in JSON and elsewhere.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Door => "door",
+        }
+    }
 }
 
 /// Why a track ended.

@@ -7,7 +7,7 @@ use super::{Track, TrackState};
 use crate::geometry::Point;
 
 /// Something that a person did.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Event {
     /// Number of the event, in the order in which events became known: from 0, or continued from earlier runs if the
