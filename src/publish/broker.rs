@@ -28,6 +28,8 @@ pub(super) struct Settings {
     pub(super) name: String,
     /// First level of Home Assistant's topics; empty to announce nothing there.
     pub(super) home_assistant: String,
+    /// Whether it is told there who walks through the doorway.
+    pub(super) crossings: bool,
     /// Tells this doorcam from every other one.
     pub(super) instance: Unique,
 }
@@ -98,6 +100,7 @@ impl Settings {
         }
         let broker = format!("{}://{host}:{port}", if *tls { "mqtts" } else { "mqtt" });
         let (name, home_assistant) = (config.site.name(), home_assistant.clone());
-        Ok(Some(Self { options, broker, root, id, name, home_assistant, instance }))
+        let crossings = config.crossings.enabled;
+        Ok(Some(Self { options, broker, root, id, name, home_assistant, crossings, instance }))
     }
 }

@@ -1,7 +1,7 @@
 use jiff::Timestamp;
 use serde::Serialize;
 
-use crate::watch::{Hub, Watching};
+use crate::watch::{CrossingsReport, Hub, Watching};
 use doorcam_core::tracking::{Track, TrackState};
 use doorcam_engine::State;
 
@@ -15,6 +15,8 @@ pub(super) struct Facts {
     /// How many people are in each zone, in the order of [`Hub::zones`].
     pub(super) zones: Vec<usize>,
     pub(super) tracks: Vec<Track>,
+    /// Who walked through the doorway.
+    pub(super) crossings: CrossingsReport,
 }
 
 /// The tracks as they are published.
@@ -41,7 +43,13 @@ impl Facts {
             people: tracks.iter().filter(|track| track.state != TrackState::Tentative).count(),
             zones: hub.zones().iter().map(|zone| count(&zone.name)).collect(),
             tracks,
+            crossings: hub.crossings(),
         }
+    }
+
+    /// Who walked through the doorway as JSON, as over REST.
+    pub(super) fn crossings_json(&self) -> String {
+        serde_json::to_string(&self.crossings).unwrap_or_default()
     }
 
     /// The tracks as JSON.

@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use super::topics::Topics;
+use doorcam_core::tracking::Direction;
 
 /// A retained message that makes entities appear in Home Assistant.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,13 +14,13 @@ pub(super) struct Announcement {
 
 /// The announcements of occupancy and number of people in the room and in each zone, as entities of one device.
 pub(super) fn announcements(prefix: &str, topics: &Topics, name: &str, zones: &[String]) -> Vec<Announcement> {
+    let entity = Entity { prefix, topics, device: name, known: watching(topics) };
     let room = [(String::new(), topics.occupancy(None), topics.count(None), String::new())];
     let zones = zones.iter().enumerate().map(|(k, zone)| {
         (format!("_{}", topics.zone(k)), topics.occupancy(Some(k)), topics.count(Some(k)), format!("{zone} "))
     });
     let mut announcements = Vec::new();
     for (suffix, occupancy, count, of) in room.into_iter().chain(zones) {
-        let entity = Entity { prefix, topics, device: name };
         announcements.push(entity.announce(
             ("binary_sensor", format!("occupancy{suffix}")),
             json!({
@@ -43,24 +44,58 @@ pub(super) fn announcements(prefix: &str, topics: &Topics, name: &str, zones: &[
     announcements
 }
 
+/// The announcements of people who walk through the doorway, as entities of the same device.
+pub(super) fn crossing_announcements(prefix: &str, topics: &Topics, name: &str) -> Vec<Announcement> {
+    let known = json!({
+        "topic": topics.crossings(),
+        "value_template": "{{ 'online' if value_json.available else 'offline' }}",
+    });
+    let entity = Entity { prefix, topics, device: name, known };
+    let event = |direction: Direction, name: &str, icon: &str| {
+        let kind = direction.kind().name();
+        let payload = json!({
+            "name": name,
+            "state_topic": topics.crossing(direction),
+            "event_types": [kind],
+            "icon": icon,
+        });
+        entity.announce(("event", kind.into()), payload)
+    };
+    let count = |object: &str, topic: String, name: &str, class: &str, icon: &str| {
+        let payload = json!({"name": name, "state_topic": topic, "state_class": class, "icon": icon});
+        entity.announce(("sensor", object.into()), payload)
+    };
+    vec![
+        event(Direction::In, "Came in", "mdi:location-enter"),
+        event(Direction::Out, "Went out", "mdi:location-exit"),
+        event(Direction::Back, "Turned around", "mdi:u-turn-left"),
+        count("in_today", topics.crossed(Direction::In), "In today", "total_increasing", "mdi:location-enter"),
+        count("out_today", topics.crossed(Direction::Out), "Out today", "total_increasing", "mdi:location-exit"),
+        count("inside", topics.inside(), "People inside", "measurement", "mdi:home-account"),
+    ]
+}
+
+/// Nothing is known about the room while its map cannot be trusted.
+fn watching(topics: &Topics) -> Value {
+    json!({"topic": topics.state(), "value_template": "{{ 'online' if value == 'watching' else 'offline' }}"})
+}
+
 struct Entity<'a> {
     prefix: &'a str,
     topics: &'a Topics,
     device: &'a str,
+    /// When the entity's value is known, apart from that doorcam is online.
+    known: Value,
 }
 
 impl Entity<'_> {
     fn announce(&self, (component, object): (&str, String), entity: Value) -> Announcement {
-        let Self { prefix, topics, device } = self;
+        let Self { prefix, topics, device, known } = self;
         let id = topics.id();
         let version = env!("CARGO_PKG_VERSION");
         let mut payload = entity;
         payload["unique_id"] = json!(format!("doorcam_{id}_{object}"));
-        // Nothing is known about the room while doorcam is offline or its map cannot be trusted.
-        payload["availability"] = json!([
-            {"topic": topics.availability()},
-            {"topic": topics.state(), "value_template": "{{ 'online' if value == 'watching' else 'offline' }}"},
-        ]);
+        payload["availability"] = json!([{"topic": topics.availability()}, known]);
         payload["availability_mode"] = json!("all");
         payload["device"] = json!({
             "identifiers": [format!("doorcam_{id}")],
@@ -104,5 +139,28 @@ mod tests {
         assert_eq!(entity["state_topic"], "doorcam/hall/zones/bed/occupancy");
         assert_eq!(entity["availability"][0]["topic"], "doorcam/hall/availability");
         assert_eq!(entity["device"]["identifiers"], json!(["doorcam_hall"]));
+    }
+
+    #[test]
+    fn who_walks_through_is_an_event_and_a_count_while_that_is_seen() {
+        let topics = Topics::new("doorcam/hall", "hall", Vec::new());
+        let announced = crossing_announcements("homeassistant", &topics, "Hall");
+        let entities: Vec<(&str, Value)> =
+            announced.iter().map(|a| (a.topic.as_str(), serde_json::from_str(&a.payload).unwrap())).collect();
+        let told = |k: usize| (entities[k].0, entities[k].1["state_topic"].as_str().unwrap());
+        assert_eq!(told(0), ("homeassistant/event/hall/cross_in/config", "doorcam/hall/crossings/in/event"));
+        assert_eq!(entities[0].1["event_types"], json!(["cross_in"]));
+        assert_eq!(told(2), ("homeassistant/event/hall/cross_back/config", "doorcam/hall/crossings/back/event"));
+        assert_eq!(told(4), ("homeassistant/sensor/hall/out_today/config", "doorcam/hall/crossings/out"));
+        assert_eq!(entities[4].1["state_class"], "total_increasing");
+        assert_eq!(told(5), ("homeassistant/sensor/hall/inside/config", "doorcam/hall/inside"));
+        let retained: Vec<String> = topics.retained().collect();
+        for (topic, entity) in &entities {
+            let is_event = topic.contains("/event/");
+            let state = entity["state_topic"].as_str().unwrap().to_owned();
+            assert_eq!(retained.contains(&state), !is_event, "{topic}: an event is of its moment only");
+            assert_eq!(entity["availability"][1]["topic"], "doorcam/hall/crossings", "{topic}");
+            assert_eq!(entity["device"]["identifiers"], json!(["doorcam_hall"]));
+        }
     }
 }

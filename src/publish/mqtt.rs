@@ -4,17 +4,19 @@ use std::time::{Duration, Instant};
 
 use metrics::{counter, describe_counter, describe_gauge, gauge};
 use rumqttc::{AsyncClient, Publish, QoS};
+use serde::Serialize;
 use tokio::sync::{mpsc, watch};
 use tokio::time::{interval, timeout};
 
 use super::broker::{MqttReport, Settings};
 use super::connection::{HEALTHY, Lost, News, keep_connected};
 use super::facts::Facts;
-use super::home_assistant::{Announcement, announcements};
+use super::home_assistant::{Announcement, announcements, crossing_announcements};
 use super::lock;
 use super::neighbours::{Neighbours, Todo, presence};
 use super::topics::Topics;
-use crate::watch::Hub;
+use crate::watch::{CrossingsReport, Hub};
+use doorcam_core::tracking::{Direction, Event};
 
 /// Shortest time between two messages with tracks.
 const TRACKS: Duration = Duration::from_millis(500);
@@ -33,6 +35,14 @@ const SHORT_ONES: u32 = 3;
 /// Shortest time between two lines in the log about the same kind of thing.
 const LINE: Duration = Duration::from_secs(60);
 
+/// Somebody who walks through, as an event of Home Assistant: the further keys become its attributes.
+#[derive(Serialize)]
+struct Crossing<'a> {
+    event_type: &'a str,
+    #[serde(flatten)]
+    event: &'a Event,
+}
+
 /// What has been published over this connection.
 struct Session<'a> {
     settings: &'a Settings,
@@ -48,8 +58,9 @@ struct Session<'a> {
     /// Whether the announcements and the availability have been published.
     introduced: bool,
     tracks_at: Option<Instant>,
-    /// Number of the last published event.
+    /// Number of the last published event, and of the last crossing that was also published as one.
     event: Option<u64>,
+    crossing: Option<u64>,
     neighbours: Neighbours,
     listening: Listening,
     /// When the present connection was made.
@@ -97,6 +108,7 @@ pub(super) async fn run(settings: Settings, hub: &Hub, report: &Mutex<MqttReport
         introduced: false,
         tracks_at: None,
         event: None,
+        crossing: None,
         neighbours: Neighbours::new(),
         listening: Listening::AtOnce,
         made: None,
@@ -353,7 +365,21 @@ impl Session<'_> {
             self.tracks_at = Some(Instant::now());
             self.publish(&format!("{}/tracks", self.settings.root), QoS::AtMostOnce, false, facts.tracks_json());
         }
+        self.tell_crossings(&facts);
         self.tell_events();
+    }
+
+    fn tell_crossings(&mut self, facts: &Facts) {
+        let CrossingsReport { available, inside, came_in, out, back, .. } = facts.crossings;
+        if !available {
+            // Before the values, which are of before.
+            self.retain(self.topics.crossings(), facts.crossings_json());
+        }
+        for (direction, count) in Direction::ALL.into_iter().zip([came_in, out, back]) {
+            self.retain(self.topics.crossed(direction), count.to_string());
+        }
+        self.retain(self.topics.inside(), inside.to_string());
+        self.retain(self.topics.crossings(), facts.crossings_json());
     }
 
     fn tell_state(&mut self, facts: &Facts) {
@@ -368,12 +394,30 @@ impl Session<'_> {
             lock(self.report).missed += next.sequence - told - 1;
         }
         while let Some(event) = events.pop_front() {
+            if !self.tell_crossing(&event) {
+                return;
+            }
             let Ok(payload) = serde_json::to_string(&event) else { continue };
             if !self.publish(&topic, QoS::AtLeastOnce, false, payload) {
                 return;
             }
             self.event = Some(event.sequence);
         }
+    }
+
+    /// Publishes somebody who walks through in the form of Home Assistant's events, once. False if the queue is full.
+    fn tell_crossing(&mut self, event: &Event) -> bool {
+        let Some(direction) = event.kind.direction() else { return true };
+        if self.crossing.is_some_and(|told| event.sequence <= told) {
+            return true;
+        }
+        let crossing = Crossing { event_type: event.kind.name(), event };
+        let Ok(payload) = serde_json::to_string(&crossing) else { return true };
+        let taken = self.publish(&self.topics.crossing(direction), QoS::AtLeastOnce, false, payload);
+        if taken {
+            self.crossing = Some(event.sequence);
+        }
+        taken
     }
 
     /// Publishes a retained value unless the broker has it already. False if the queue is full.
@@ -408,7 +452,13 @@ fn described(settings: &Settings, hub: &Hub) -> (u32, Topics, Vec<Announcement>)
     let topics = Topics::new(&settings.root, &settings.id, ids);
     let announcements = match settings.home_assistant.as_str() {
         "" => Vec::new(),
-        prefix => announcements(prefix, &topics, &settings.name, &zones),
+        prefix => {
+            let mut all = announcements(prefix, &topics, &settings.name, &zones);
+            if settings.crossings {
+                all.extend(crossing_announcements(prefix, &topics, &settings.name));
+            }
+            all
+        }
     };
     (revision, topics, announcements)
 }

@@ -1,5 +1,6 @@
 //! Names of the MQTT topics of one doorway.
 
+use doorcam_core::tracking::Direction;
 use rumqttc::{QoS, SubscribeFilter};
 
 /// The topics of one doorway, below its root.
@@ -58,11 +59,33 @@ impl Topics {
         format!("{}/people", self.place(zone))
     }
 
-    /// The retained topics of the room and of every zone.
+    /// Topic of everything that is known about people who walk through the doorway.
+    pub(super) fn crossings(&self) -> String {
+        format!("{}/crossings", self.root)
+    }
+
+    /// Topic of how many people walked through since midnight.
+    pub(super) fn crossed(&self, direction: Direction) -> String {
+        format!("{}/crossings/{}", self.root, direction.name())
+    }
+
+    /// Topic of each person who walks through.
+    pub(super) fn crossing(&self, direction: Direction) -> String {
+        format!("{}/crossings/{}/event", self.root, direction.name())
+    }
+
+    /// Topic of the estimate of how many people are inside.
+    pub(super) fn inside(&self) -> String {
+        format!("{}/inside", self.root)
+    }
+
+    /// The retained topics of the room, of the doorway and of every zone.
     pub(super) fn retained(&self) -> impl Iterator<Item = String> {
         let places = std::iter::once(None).chain((0..self.zones()).map(Some));
         let places = places.flat_map(|zone| [self.occupancy(zone), self.count(zone)]);
-        places.chain([self.availability(), self.state(), self.watching(), self.instance()])
+        let crossings = Direction::ALL.map(|direction| self.crossed(direction));
+        let doorway = [self.availability(), self.state(), self.watching(), self.instance()];
+        places.chain(doorway).chain(crossings).chain([self.crossings(), self.inside()])
     }
 
     /// Whether a topic is the occupancy or the number of people of a zone, of now or of before.
@@ -82,7 +105,8 @@ impl Topics {
     pub(super) fn of_before(&self, home_assistant: &str) -> Vec<SubscribeFilter> {
         let zones = format!("{}/zones/+", self.root);
         let announced = |component| format!("{home_assistant}/{component}/{}/+/config", self.id);
-        let announced = ["binary_sensor", "sensor"].map(announced).into_iter().filter(|_| !home_assistant.is_empty());
+        let announced =
+            ["binary_sensor", "sensor", "event"].map(announced).into_iter().filter(|_| !home_assistant.is_empty());
         filters([format!("{zones}/occupancy"), format!("{zones}/people")].into_iter().chain(announced))
     }
 

@@ -1,7 +1,7 @@
 //! Messages to a real broker. Without Debian's mosquitto and mosquitto-clients, these tests are skipped and say so.
 
 use crate::common;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
@@ -176,19 +176,29 @@ fn a_broker_knows_who_is_there_and_that_doorcam_died() {
         .filter(|(topic, _)| topic.starts_with("homeassistant/"))
         .map(|(topic, payload)| (topic, serde_json::from_str(payload).unwrap()))
         .collect();
-    assert_eq!(entities.len(), 4, "{kept:?}");
-    let mut ids: Vec<&Value> = entities.iter().map(|(_, entity)| &entity["unique_id"]).collect();
-    ids.dedup();
-    assert!(ids.len() == 4 && ids.iter().all(|id| id.is_string()), "{ids:?}");
+    assert_eq!(entities.len(), 10, "{kept:?}");
+    let ids: BTreeSet<&str> = entities.iter().filter_map(|(_, entity)| entity["unique_id"].as_str()).collect();
+    assert_eq!(ids.len(), 10, "{ids:?}");
     for (topic, entity) in &entities {
-        let binary = topic.starts_with("homeassistant/binary_sensor/hall/");
-        assert!((binary || topic.starts_with("homeassistant/sensor/hall/")) && topic.ends_with("/config"), "{topic}");
-        let value = &kept[entity["state_topic"].as_str().unwrap()];
-        if binary {
-            assert_eq!(entity["device_class"], "occupancy");
-            assert!([&entity["payload_on"], &entity["payload_off"]].contains(&&Value::from(value.as_str())), "{value}");
-        } else {
-            assert!(value.parse::<usize>().is_ok() && entity["state_class"] == "measurement", "{value}");
+        let component = topic.strip_prefix("homeassistant/").and_then(|rest| rest.split_once("/hall/")).unwrap();
+        assert!(topic.ends_with("/config"), "{topic}");
+        let state = entity["state_topic"].as_str().unwrap();
+        match component.0 {
+            "binary_sensor" => {
+                let value = Value::from(kept[state].as_str());
+                assert_eq!(entity["device_class"], "occupancy");
+                assert!([&entity["payload_on"], &entity["payload_off"]].contains(&&value), "{value}");
+            }
+            "sensor" => {
+                let class = entity["state_class"].as_str().unwrap();
+                assert!(kept[state].parse::<usize>().is_ok(), "{topic}");
+                assert!(["measurement", "total_increasing"].contains(&class), "{class}");
+            }
+            "event" => {
+                assert!(!kept.contains_key(state), "{topic}: an event is of its moment only");
+                assert!(entity["event_types"][0].is_string());
+            }
+            other => panic!("{other}: {topic}"),
         }
         for availability in entity["availability"].as_array().unwrap() {
             assert!(kept.contains_key(availability["topic"].as_str().unwrap()), "{availability}");
@@ -205,6 +215,34 @@ fn a_broker_knows_who_is_there_and_that_doorcam_died() {
     // A proper end is announced too.
     assert_eq!(daemon.terminate().1, Some(0));
     subscriber.wait_for("the end", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "offline"));
+}
+
+#[test]
+fn how_many_are_inside_is_told_as_it_is_set_right() {
+    if !installed() {
+        return;
+    }
+    let (directory, port) = (tempfile::tempdir().unwrap(), free_port());
+    let _broker = broker(directory.path(), port, "allow_anonymous true\n");
+    // What an earlier run announced goes, now that crossings are turned off.
+    let device = "\"device\": {\"identifiers\": [\"doorcam_hall\"]}, \"origin\": {\"name\": \"doorcam\"}";
+    let left = "homeassistant/event/hall/cross_in/config";
+    publish(port, left, &format!("{{{device}}}"), true);
+    let subscriber = Subscriber::new(port, &["-R"]);
+    let off = config(directory.path(), port, "[crossings]\nenabled = false");
+    let daemon = Daemon::start(SOURCE, &["--config", &off]);
+    subscriber.wait_for("nobody", |topic, payload| (topic, payload) == ("doorcam/hall/inside", "0"));
+    assert_eq!(daemon.send("PUT", "/api/v1/crossings", &serde_json::json!({"inside": 3})).0, 200);
+    let all = |topic: &str, payload: &str| topic == "doorcam/hall/crossings" && payload.contains("\"inside\":3");
+    let (_, _, told) = subscriber.wait_for("all of it, before what is of before", all);
+    subscriber.wait_for("the estimate", |topic, payload| (topic, payload) == ("doorcam/hall/inside", "3"));
+    let told: Value = serde_json::from_str(&told).unwrap();
+    assert_eq!(told, daemon.json("/api/v1/crossings"));
+    assert_eq!((&told["available"], &told["inside"]), (&false.into(), &3.into()), "{told}");
+    subscriber.wait_for("what is left to go", |topic, payload| topic == left && payload.is_empty());
+    let kept = retained(port);
+    assert!(!kept.keys().any(|topic| topic.starts_with("homeassistant/event/")), "{kept:?}");
+    assert_eq!((kept["doorcam/hall/crossings/in"].as_str(), kept["doorcam/hall/inside"].as_str()), ("0", "3"));
 }
 
 #[test]
