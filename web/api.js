@@ -1,4 +1,4 @@
-/** @import { Calibration, CalibrationDocument, Check, EventPage, Geometry, OccupancyPage, RecordingReport, RecordingWish, Session, SignalReport, Status, Uncertainty, Update, Zone, ZonesDocument } from "./types.js" */
+/** @import { Calibration, CalibrationDocument, Check, Crossings, EventPage, Geometry, OccupancyPage, RecordingReport, RecordingWish, Session, SignalReport, Status, Uncertainty, Update, Zone, ZonesDocument } from "./types.js" */
 
 // Relative to the page, so that doorcam also works under a path of a reverse proxy.
 const BASE = new URL("api/v1/", document.baseURI);
@@ -152,6 +152,12 @@ export const putZones = (zones) => change("zones", { method: "PUT", ...json({ zo
 
 /** @returns {Promise<ZonesDocument>} back to those of the configuration */
 export const forgetZones = () => change("zones", { method: "DELETE" });
+
+/**
+ * @param {number} inside  how many people are, as somebody knows who looked
+ * @returns {Promise<Crossings>}
+ */
+export const putInside = (inside) => change("crossings", { method: "PUT", ...json({ inside }) });
 
 /**
  * @param {RecordingWish} wish

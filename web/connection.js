@@ -6,7 +6,7 @@ import { nowS } from "./now.js";
 
 /** @import { Evidence } from "./freshness.js" */
 /** @import { Phase } from "./live.js" */
-/** @import { Geometry, Status, Update, Zone } from "./types.js" */
+/** @import { Crossings, Geometry, Status, Update, Zone } from "./types.js" */
 
 const STATUS_PERIOD_MS = 2000;
 // A single failed poll may be chance.
@@ -56,6 +56,8 @@ export class Connection {
     this.newestAtS = 0;
     /** @type {Status | null} */
     this.status = null;
+    /** @type {Crossings | null} */
+    this.crossings = null;
   }
 
   get open() {
@@ -175,6 +177,7 @@ export class Connection {
     // On opening, the daemon sends its newest update, however old that is.
     const fresh = this.arrivals.sequence !== null;
     this.arrivals.record(update.sequence, atS);
+    this.crossings = update.crossings ?? this.crossings;
     this.#listeners.onArrival(update, fresh);
     this.#take(update, atS);
   }
@@ -207,6 +210,7 @@ export class Connection {
     this.status = status;
     this.#statusAtS = nowS();
     this.#failedPolls = 0;
+    this.crossings = status.crossings ?? null;
     // The first update of a connection may have been old when it arrived. Only the daemon knows its age.
     const last = status.last_update;
     if (last && last.sequence === this.newest?.sequence) this.newestAtS = Math.min(this.newestAtS, this.#statusAtS - last.age_s);

@@ -11,6 +11,8 @@ const REASONS = {
   uncalibrated: "the camera is not calibrated",
   learning: "the empty room is being learned",
   relearning: "the empty room is being learned anew",
+  obstructed: "something covers the floor before the door",
+  misaligned: "the camera has moved",
   stale: "there are no new frames",
   ended: "there are no more frames",
   failed: "the source failed",

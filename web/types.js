@@ -46,7 +46,9 @@
  * @property {number} age_s
  */
 
-/** @typedef {"learning" | "watching" | "relearning" | "stale"} WatchState */
+/** @typedef {"learning" | "watching" | "relearning" | "stale" | "obstructed" | "misaligned"} WatchState */
+
+/** @typedef {{ state: "clear" | "partial" | "blocked", used: number }} PatchView  how much of a patch shows the floor: the share of its pixels that is used */
 
 /**
  * @typedef {object} Update
@@ -58,6 +60,8 @@
  * @property {{ lambda: number, objective: number, data: number, penalty: number, bound: number,
  *              iterations: number, warm: boolean }} solution
  * @property {string} model
+ * @property {{ left: PatchView, right: PatchView }} [view]
+ * @property {Crossings} [crossings]  with the first message of a socket and when they have changed
  * @property {{ left: Rgb, right: Rgb }} illumination
  * @property {{ left: Rgb, right: Rgb } | null} gain
  * @property {LitFacet[]} facets
@@ -120,6 +124,7 @@
  * @property {{ sequence: number, age_s: number } | null} last_update
  * @property {number} clients
  * @property {number} zones_revision  goes up with every change of the zones
+ * @property {Crossings} [crossings]
  * @property {{ state: "stored" | "memory", reason: string | null, file: string | null, bytes: number, lost: number }} history
  * @property {{ mqtt: Broker | null, webhooks: Webhook[] }} publish  who is told of what happens
  * @property {RecordingStatus | null} recording  under way, or the last one
@@ -141,12 +146,28 @@
 /**
  * @typedef {object} RoomEvent
  * @property {number} sequence
- * @property {"enter" | "exit" | "dwell" | "zone_enter" | "zone_exit"} kind
+ * @property {"enter" | "exit" | "dwell" | "zone_enter" | "zone_exit" | "cross_in" | "cross_out" | "cross_back"} kind
  * @property {string} time
  * @property {number} track
  * @property {number} x_m
  * @property {number} y_m
  * @property {string | null} zone
+ * @property {"door" | null} through  what somebody left through, if that was seen
+ * @property {"door" | "entrance" | "unseen" | "merged" | null} reason  of an exit
+ * @property {number | null} speed_m_s  across the threshold
+ */
+
+/**
+ * Who walked through the doorway.
+ * @typedef {object} Crossings
+ * @property {boolean} available  they are seen and counted now
+ * @property {string | null} reason  why not
+ * @property {number} inside  an estimate
+ * @property {string} since  the midnight since which they are counted
+ * @property {number} in
+ * @property {number} out
+ * @property {number} back
+ * @property {RoomEvent | null} last
  */
 /** @typedef {{ events: RoomEvent[], oldest: number | null, newest: number | null, next?: number | null }} EventPage */
 /** @typedef {{ id: number, zone: string | null, people: number, from: string, to: string }} OccupancySpan  in which the number of people stayed the same */

@@ -23,7 +23,10 @@ const ago = (/** @type {number} */ now, /** @type {number} */ minutes) => new Da
  */
 function evening(now) {
   const event = (/** @type {number} */ sequence, /** @type {RoomEvent["kind"]} */ kind, /** @type {number} */ minutesAgo, /** @type {number} */ track, /** @type {string | null} */ zone = null) =>
-    ({ sequence, kind, time: ago(now, minutesAgo), track, x_m: -0.5, y_m: 1.25, zone });
+    ({
+      sequence, kind, time: ago(now, minutesAgo), track, x_m: -0.5, y_m: 1.25, zone,
+      through: null, reason: kind === "exit" ? /** @type {const} */ ("unseen") : null, speed_m_s: null,
+    });
   return [
     event(0, "enter", 50, 3),
     event(1, "enter", 40, 4),
@@ -138,9 +141,9 @@ describe("history", () => {
       return readFile(await download.path(), "utf8");
     };
     const rows = (await file("Export CSV")).split("\r\n");
-    assert.equal(rows[0], "sequence,kind,time,track,x_m,y_m,zone");
-    assert.equal(rows[1], `0,enter,${mock.events[0].time},3,-0.5,1.25,`);
-    assert.equal(rows[3], `2,zone_enter,${mock.events[2].time},4,-0.5,1.25,"bed, left"`);
+    assert.equal(rows[0], "sequence,kind,time,track,x_m,y_m,zone,through,reason,speed_m_s");
+    assert.equal(rows[1], `0,enter,${mock.events[0].time},3,-0.5,1.25,,,,`);
+    assert.equal(rows[3], `2,zone_enter,${mock.events[2].time},4,-0.5,1.25,"bed, left",,,`);
     assert.equal(rows.length, 9);
     assert.deepEqual(JSON.parse(await file("Export JSON")), mock.events);
     // Of the last quarter of an hour, only what happened in it.

@@ -94,6 +94,8 @@ export class Mock {
     this.zonesFrom = "config";
     /** @type {Zone[][]} Zones that were to be saved. */
     this.drawn = [];
+    /** @type {unknown[]} How many people were to be inside. */
+    this.insides = [];
     /** @type {RoomEvent[]} */
     this.events = [];
     /** @type {OccupancySpan[]} */
@@ -190,6 +192,7 @@ export class Mock {
       return json(response, { spans, next: null });
     }
     if (name === "zones") return json(response, this.#zones());
+    if (name === "crossings") return json(response, this.status.crossings);
     if (name === "calibration") return json(response, this.calibration.document());
     if (name === "frame.jpg" && this.frame) {
       response.setHeader("content-type", "image/png");
@@ -218,6 +221,12 @@ export class Mock {
     if (what === "PUT zones") {
       this.drawn.push(JSON.parse(body).zones);
       return this.#useZones(JSON.parse(body).zones, "saved", response);
+    }
+    if (what === "PUT crossings") {
+      const { inside } = JSON.parse(body);
+      this.insides.push(inside);
+      this.status.crossings = { ...scene.crossings(), ...this.status.crossings, inside };
+      return json(response, this.status.crossings);
     }
     if (what === "DELETE zones") return this.#useZones([], "config", response);
     if (what === "POST recording") {

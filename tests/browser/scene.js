@@ -1,6 +1,6 @@
 // A made-up door, grid and updates, in the daemon's own words.
 
-/** @import { Geometry, LitFacet, Point, Rgb, Status, Track, Update } from "../../web/types.js" */
+/** @import { Crossings, Geometry, LitFacet, Point, Rgb, RoomEvent, Status, Track, Update } from "../../web/types.js" */
 
 /**
  * A biangular grid like the daemon's, without the care it takes at the walls: facets join diagonal corners of the cells.
@@ -63,10 +63,30 @@ export function status() {
     history: { state: "stored", reason: null, file: "/var/lib/doorcam/history.sqlite", bytes: 1_200_000, lost: 0 },
     publish: { mqtt: null, webhooks: [] },
     zones_revision: 0,
+    crossings: crossings(),
     calibrated: true,
     calibration_revision: 1,
     background: { age_s: 312, frames: 200, progress: null },
   };
+}
+
+/**
+ * Who walked through the doorway: three came in, one went out.
+ * @param {Partial<Crossings>} [rest]
+ * @returns {Crossings}
+ */
+export function crossings(rest = {}) {
+  return { available: true, reason: null, inside: 2, since: "2026-03-01T00:00:00Z", in: 3, out: 1, back: 4, last: null, ...rest };
+}
+
+/**
+ * @param {RoomEvent["kind"]} kind
+ * @param {number} secondsAgo
+ * @returns {RoomEvent}
+ */
+export function crossing(kind, secondsAgo) {
+  const time = new Date(Date.now() - 1000 * secondsAgo).toISOString();
+  return { sequence: 7, kind, time, track: 3, x_m: 0.1, y_m: 0, zone: null, through: null, reason: null, speed_m_s: 1.2 };
 }
 
 /**

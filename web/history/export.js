@@ -1,7 +1,7 @@
 /** @import { RoomEvent } from "../types.js" */
 
 /** @type {(keyof RoomEvent)[]} */
-const COLUMNS = ["sequence", "kind", "time", "track", "x_m", "y_m", "zone"];
+const COLUMNS = ["sequence", "kind", "time", "track", "x_m", "y_m", "zone", "through", "reason", "speed_m_s"];
 
 /**
  * RFC 4180, with a header row.
@@ -9,7 +9,7 @@ const COLUMNS = ["sequence", "kind", "time", "track", "x_m", "y_m", "zone"];
  */
 export function csvOf(events) {
   const field = (/** @type {unknown} */ value) => {
-    const text = value === null ? "" : String(value);
+    const text = value === null || value === undefined ? "" : String(value);
     return /[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
   };
   const rows = [COLUMNS, ...events.map((event) => COLUMNS.map((column) => event[column]))];

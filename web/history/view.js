@@ -19,6 +19,9 @@ const KINDS = {
   dwell: "stays in one place",
   zone_enter: "enters",
   zone_exit: "leaves",
+  cross_in: "walks in through the door",
+  cross_out: "walks out through the door",
+  cross_back: "turns around on the threshold",
 };
 
 /** What happened in the last hours: occupancy to scrub through, and events. */

@@ -2,7 +2,7 @@ import { byId, setText } from "../dom.js";
 import { UNKNOWN, duration, fixed, integer, milliseconds } from "../format.js";
 import { gainPercent, gapPercent } from "../health/samples.js";
 
-/** @import { Rgb, Status, Update, WatchState } from "../types.js" */
+/** @import { PatchView, Rgb, Status, Update, WatchState } from "../types.js" */
 /** @import { Verdict } from "../freshness.js" */
 
 /** @type {Record<WatchState, string>} */
@@ -11,6 +11,8 @@ const WATCH_WORDS = {
   watching: "Watching",
   relearning: "Learning the background anew",
   stale: "No new frames",
+  obstructed: "The floor is covered",
+  misaligned: "The camera has moved",
 };
 
 /** @param {Verdict} verdict */
@@ -72,6 +74,27 @@ export function showUpdate(update, rateHz, missed, latencyMs) {
   setText(byId("gap"), gap(solution));
   setText(byId("gain"), update.gain ? [update.gain.left, update.gain.right].map(gain).join(", ") : UNKNOWN);
   setText(byId("iterations"), `${integer(solution.iterations)}, from ${solution.warm ? "the last frame" : "nothing"}`);
+}
+
+/**
+ * Where something of the camera's own side covers the floor, or lights it; nothing while both views are clear.
+ * @param {Update["view"]} view
+ */
+export function showView(view) {
+  const words = view ? [viewWords("left", view.left), viewWords("right", view.right)].filter((text) => text !== "") : [];
+  const element = byId("view-words");
+  element.hidden = words.length === 0;
+  const text = words.join(", ");
+  setText(element, `${text.charAt(0).toUpperCase()}${text.slice(1)}.`);
+}
+
+/**
+ * @param {string} side
+ * @param {PatchView} view
+ */
+function viewWords(side, { state, used }) {
+  if (state === "blocked") return `${side} view blocked`;
+  return state === "partial" ? `${side} view partly covered (${fixed(100 * used, 0)} % used)` : "";
 }
 
 /** @param {Rgb} rgb */
