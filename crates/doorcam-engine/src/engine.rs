@@ -99,7 +99,15 @@ impl Engine {
         Watched {
             model: Arc::clone(self.reconstructor.model()),
             calibration: self.parts.calibration(),
-            no_crossings: self.visible.as_ref().err().cloned(),
+            no_crossings: self.no_crossings(),
+        }
+    }
+
+    fn no_crossings(&self) -> Option<String> {
+        match &self.visible {
+            Err(reason) => Some(reason.clone()),
+            Ok(_) if !self.parts.plan.settings().crossings => Some("turned off (crossings.enabled)".into()),
+            Ok(_) => None,
         }
     }
 
@@ -270,7 +278,8 @@ impl Engine {
             let report = match &mut self.visible {
                 Err(_) => people.step(seconds, update.time, &detections),
                 Ok(visible) => {
-                    let crossings = visible.take_crossings();
+                    let told = self.parts.plan.settings().crossings;
+                    let crossings = if told { visible.take_crossings() } else { Vec::new() };
                     let busy = visible.is_busy(seconds);
                     let beside = Threshold { walkers: visible.walkers(), crossings: &crossings, busy, looked };
                     people.step_beside(seconds, update.time, &detections, beside)

@@ -114,7 +114,13 @@ impl People {
         let known = self.known.iter().find(|(walker, _)| *walker == crossing.walker).map(|(_, track)| *track);
         let at = walker.map_or([crossing.x_m, 0.0], Walker::position);
         let away = |track: &Track| (track.x_m - at[0]).hypot(track.y_m - at[1]);
-        let confirmed = |track: &&Track| track.state != TrackState::Tentative && away(track) < SAME_M;
+        // Whoever has not been seen for a moment may be farther from where they were expected.
+        let reach = |track: &Track| match track.state {
+            TrackState::Tentative => 0.0,
+            TrackState::Confirmed => SAME_M,
+            TrackState::Coasting => SAME_M + 3.0 * (track.covariance_m2[0][0] + track.covariance_m2[1][1]).sqrt(),
+        };
+        let confirmed = |track: &&Track| away(track) < reach(track);
         let near = self.tracker.tracks().iter().filter(confirmed);
         let near = near.min_by(|a, b| away(a).total_cmp(&away(b))).map(|track| track.id);
         let followed = |id: &u64| self.tracker.tracks().iter().any(|track| track.id == *id);

@@ -1,5 +1,5 @@
 use jiff::{SignedDuration, Timestamp};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::event_kind::{Direction, EventKind, ExitReason, Through};
 use super::zones::Zone;
