@@ -1,9 +1,10 @@
 //! Home Assistant's MQTT discovery: <https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery>.
 
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::topics::Topics;
-use doorcam_core::tracking::Direction;
+use doorcam_core::tracking::{Direction, Event};
 
 /// A retained message that makes entities appear in Home Assistant.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,6 +74,20 @@ pub(super) fn crossing_announcements(prefix: &str, topics: &Topics, name: &str) 
         count("out_today", topics.crossed(Direction::Out), "Out today", "total_increasing", "mdi:location-exit"),
         count("inside", topics.inside(), "People inside", "measurement", "mdi:home-account"),
     ]
+}
+
+/// Somebody who walks through, as an event of Home Assistant: the further keys become its attributes.
+#[derive(Serialize)]
+struct Crossing<'a> {
+    event_type: &'a str,
+    #[serde(flatten)]
+    event: &'a Event,
+}
+
+/// The payload for an entity of [`crossing_announcements`].
+pub(super) fn crossing(event: &Event) -> String {
+    // Serialisation cannot fail, because all keys are strings.
+    serde_json::to_string(&Crossing { event_type: event.kind.name(), event }).unwrap_or_default()
 }
 
 /// Nothing is known about the room while its map cannot be trusted.
@@ -154,6 +169,24 @@ mod tests {
         assert_eq!(told(4), ("homeassistant/sensor/hall/out_today/config", "doorcam/hall/crossings/out"));
         assert_eq!(entities[4].1["state_class"], "total_increasing");
         assert_eq!(told(5), ("homeassistant/sensor/hall/inside/config", "doorcam/hall/inside"));
+        for (direction, (_, entity)) in Direction::ALL.into_iter().zip(&entities) {
+            let event = Event {
+                sequence: 7,
+                kind: direction.kind(),
+                time: jiff::Timestamp::UNIX_EPOCH,
+                track: 3,
+                x_m: 0.1,
+                y_m: 0.0,
+                zone: None,
+                through: None,
+                reason: None,
+                speed_m_s: Some(1.25),
+            };
+            let payload: Value = serde_json::from_str(&crossing(&event)).unwrap();
+            assert_eq!(entity["state_topic"], topics.crossing(direction));
+            assert_eq!(entity["event_types"], json!([payload["event_type"]]), "no other type comes on its topic");
+            assert_eq!((&payload["sequence"], &payload["speed_m_s"]), (&json!(7), &json!(1.25)));
+        }
         let retained: Vec<String> = topics.retained().collect();
         for (topic, entity) in &entities {
             let is_event = topic.contains("/event/");

@@ -4,14 +4,13 @@ use std::time::{Duration, Instant};
 
 use metrics::{counter, describe_counter, describe_gauge, gauge};
 use rumqttc::{AsyncClient, Publish, QoS};
-use serde::Serialize;
 use tokio::sync::{mpsc, watch};
 use tokio::time::{interval, timeout};
 
 use super::broker::{MqttReport, Settings};
 use super::connection::{HEALTHY, Lost, News, keep_connected};
 use super::facts::Facts;
-use super::home_assistant::{Announcement, announcements, crossing_announcements};
+use super::home_assistant::{Announcement, announcements, crossing, crossing_announcements};
 use super::lock;
 use super::neighbours::{Neighbours, Todo, presence};
 use super::topics::Topics;
@@ -34,14 +33,6 @@ const HEARD: usize = 64;
 const SHORT_ONES: u32 = 3;
 /// Shortest time between two lines in the log about the same kind of thing.
 const LINE: Duration = Duration::from_secs(60);
-
-/// Somebody who walks through, as an event of Home Assistant: the further keys become its attributes.
-#[derive(Serialize)]
-struct Crossing<'a> {
-    event_type: &'a str,
-    #[serde(flatten)]
-    event: &'a Event,
-}
 
 /// What has been published over this connection.
 struct Session<'a> {
@@ -411,9 +402,7 @@ impl Session<'_> {
         if self.crossing.is_some_and(|told| event.sequence <= told) {
             return true;
         }
-        let crossing = Crossing { event_type: event.kind.name(), event };
-        let Ok(payload) = serde_json::to_string(&crossing) else { return true };
-        let taken = self.publish(&self.topics.crossing(direction), QoS::AtLeastOnce, false, payload);
+        let taken = self.publish(&self.topics.crossing(direction), QoS::AtLeastOnce, false, crossing(event));
         if taken {
             self.crossing = Some(event.sequence);
         }
