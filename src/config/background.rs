@@ -21,6 +21,9 @@ pub struct BackgroundConfig {
     pub adapt_s: f64,
     /// Seconds after which something that has not moved becomes part of the background; 0 for never.
     pub absorb_s: f64,
+    /// Seconds after which something that lies still on a patch, such as a bag, becomes part of its floor. Until then
+    /// the pixels that it covers are left out.
+    pub cover_s: f64,
     /// Longest time, in seconds, between two rebuilds of the inverse problem while the background drifts.
     pub rebuild_s: f64,
     /// Sudden change of light, as a share of the light, after which the background is learned again.
@@ -39,6 +42,7 @@ impl Default for BackgroundConfig {
             relearn_s: 2.0,
             adapt_s: 60.0,
             absorb_s: 1800.0,
+            cover_s: 10.0,
             rebuild_s: 300.0,
             light_step: 0.02,
             save_s: 600.0,
@@ -56,6 +60,7 @@ impl BackgroundConfig {
         if self.absorb_s != 0.0 {
             within("background.absorb_s", self.absorb_s, 10.0, 1e7, "seconds, or 0 for never")?;
         }
+        within("background.cover_s", self.cover_s, 1.0, 3600.0, "seconds")?;
         within("background.rebuild_s", self.rebuild_s, 1.0, 86_400.0, "seconds")?;
         within("background.light_step", self.light_step, 0.005, 1.0, "(a share of the light)")?;
         within("background.save_s", self.save_s, 10.0, 86_400.0, "seconds")?;
@@ -96,6 +101,7 @@ mod tests {
         assert_eq!(learn, "background.learn_max_s is 30, expected 40 to 3600 seconds (not below learn_s)");
         assert!(error("[background]\nabsorb_s = 1\n").ends_with("expected 10 to 10000000 seconds, or 0 for never"));
         assert!(Config::parse("[background]\nabsorb_s = 0\n").is_ok());
+        assert_eq!(error("[background]\ncover_s = 0\n"), "background.cover_s is 0, expected 1 to 3600 seconds");
         assert!(error("[background]\nadapt_s = nan\n").starts_with("background.adapt_s is NaN"));
         assert!(error("[averaging]\ntime_s = 0\n").starts_with("averaging.time_s is 0, expected 0.02"));
         assert!(error("[averaging]\nmode = \"mean\"\n").contains("expected one of `none`, `exponential`, `boxcar`"));

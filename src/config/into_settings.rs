@@ -45,6 +45,7 @@ impl Config {
                 relearn_s: background.relearn_s,
                 adapt_s: background.adapt_s,
                 absorb_s: background.absorb_s,
+                cover_s: background.cover_s,
                 rebuild_s: background.rebuild_s,
                 light_step: background.light_step,
                 save_s: background.save_s,

@@ -200,8 +200,8 @@ impl Engine {
                     Some(map.ok_or(StepError::NoBackground)?)
                 }
                 Some(keeper) => {
-                    let seen =
-                        FrameLight { raw: &self.pair, pair, excess, seconds: frame.seconds, purpose: frame.purpose };
+                    let (seconds, purpose) = (frame.seconds, frame.purpose);
+                    let seen = FrameLight { raw: &self.pair, pair, excess, seconds, purpose, usable: None };
                     keeper.step(&seen, &mut self.reconstructor).map_err(|e| e.of(&frame.name))?
                 }
             }
@@ -271,10 +271,13 @@ impl Engine {
         let start = Instant::now();
         let (detections, report) = if matches!(update.state, State::Watching | State::Obstructed) {
             let elapsed_s = people.elapsed_s(seconds);
-            let detections = match update.state {
+            let mut detections = match update.state {
                 State::Watching => self.reconstructor.find(people.predictions(seconds), elapsed_s).to_vec(),
                 _ => Vec::new(),
             };
+            let unsure = self.keeper.as_ref().map_or(1.0, Keeper::unsure);
+            let wider = |row: [f64; 2]| row.map(|v| unsure * unsure * v);
+            detections.iter_mut().for_each(|d| d.covariance = d.covariance.map(wider));
             let report = match &mut self.visible {
                 Err(_) => people.step(seconds, update.time, &detections),
                 Ok(visible) => {

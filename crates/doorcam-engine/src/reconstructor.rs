@@ -29,7 +29,7 @@ pub struct Reconstructor {
 pub(super) struct Prepared {
     problem: Problem,
     /// The picture that the problem is built for: differences from another picture would contain gains.
-    reference: PatchPair,
+    pub reference: PatchPair,
     correlations: Correlations,
     workspace: Workspace,
     solution: Solution,
@@ -170,6 +170,13 @@ impl Reconstructor {
     pub(super) fn install(&mut self, prepared: Prepared) {
         self.problem = Some(prepared);
         self.take_background();
+    }
+
+    /// Exchanges the problem in use for another, which is kept.
+    pub(super) fn exchange(&mut self, other: &mut Prepared) {
+        if let Some(prepared) = &mut self.problem {
+            std::mem::swap(prepared, other);
+        }
     }
 
     /// The picture that frames are compared with; none before there is one.

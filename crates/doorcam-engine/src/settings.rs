@@ -105,6 +105,8 @@ pub struct BackgroundSettings {
     pub adapt_s: f64,
     /// Time after which something that does not move becomes part of the room; 0 for never.
     pub absorb_s: f64,
+    /// Time after which what lies still on a patch becomes part of its floor.
+    pub cover_s: f64,
     /// Maximum time between two rebuilds of the problem.
     pub rebuild_s: f64,
     /// Sudden change of the light that makes the background be learned anew, as a share of the light.
@@ -160,6 +162,7 @@ impl Default for BackgroundSettings {
             relearn_s: 2.0,
             adapt_s: 60.0,
             absorb_s: 1800.0,
+            cover_s: 10.0,
             rebuild_s: 300.0,
             light_step: 0.02,
             save_s: 600.0,

@@ -20,7 +20,7 @@ pub enum State {
     Learning,
     /// The map is current.
     Watching,
-    /// The light changed or a reset was requested; the background is being learned anew.
+    /// The light changed or a reset was requested; the background is being learned anew, and no other explains the frame.
     Relearning,
     /// No new frame for some time: the map is outdated.
     Stale,
@@ -198,7 +198,7 @@ pub struct BackgroundReport {
     #[cfg_attr(feature = "schema", schema(required))]
     pub age_s: Option<f64>,
     /// Share of the learning time in a still room that has passed, 0 to 1; stays 1 while waiting for the room to be
-    /// still. None once the background is learned.
+    /// still. None once the background is learned. A map may be shown meanwhile, if the light only seemed to change.
     #[cfg_attr(feature = "schema", schema(required))]
     pub progress: Option<f64>,
 }

@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use crate::geometry::Side;
 use crate::light::averaging::blend;
-use crate::light::{Background, PatchPair};
+use crate::light::{Background, Patch, PatchPair};
 
 /// Number of frames of the empty room that are kept for their statistics.
 pub(super) const KEPT: usize = 64;
@@ -99,6 +99,41 @@ impl RollingBackground {
         self.averaged = averaged.max(1.0);
     }
 
+    /// Replaces one side's `pixels` by those of `picture`, averaged from `averaged` frames: something lies on the floor
+    /// there. Its noise is taken for the floor's, which light in another amount makes larger or smaller.
+    pub fn replace_pixels(&mut self, side: Side, pixels: &[bool], picture: &Patch, averaged: f64) {
+        let mean = self.mean.side_mut(side);
+        for channel in 0..3 {
+            let (new, old) = (picture.plane(channel), mean.plane_mut(channel));
+            for deviation in &mut self.deviations {
+                let deviation = Arc::make_mut(deviation).side_mut(side).plane_mut(channel);
+                for k in (0..pixels.len()).filter(|&k| pixels[k]) {
+                    deviation[k] *= photon_noise(new[k], old[k]);
+                }
+            }
+            (0..pixels.len()).filter(|&k| pixels[k]).for_each(|k| old[k] = new[k]);
+        }
+        self.averaged = self.averaged.min(averaged.max(1.0));
+    }
+
+    /// One of the kept deviations, in turn; none if there are none.
+    pub fn deviation(&self, turn: usize) -> Option<&PatchPair> {
+        self.deviations.get(turn % self.deviations.len().max(1)).map(Arc::as_ref)
+    }
+
+    /// The noise on each side, left and right: standard deviation of a pixel's grey level, from the kept deviations; 0
+    /// without any.
+    pub fn noise(&self) -> [f64; 2] {
+        Side::BOTH.map(|side| {
+            let of_frame = |deviation: &Arc<PatchPair>| {
+                let [r, g, b] = [0, 1, 2].map(|p| deviation.side(side).plane(p));
+                let squares = r.iter().zip(g).zip(b).map(|((r, g), b)| f64::from((r + g + b) / 3.0).powi(2));
+                squares.sum::<f64>() / r.len().max(1) as f64
+            };
+            (self.deviations.iter().map(of_frame).sum::<f64>() / self.deviations.len().max(1) as f64).sqrt()
+        })
+    }
+
     /// A snapshot of the current state.
     pub fn snapshot(&self) -> Snapshot {
         let Self { mean, averaged, deviations, .. } = self;
@@ -132,6 +167,11 @@ impl Snapshot {
     }
 }
 
+/// How much more noise photons make at the level `new` than at `old`; within bounds, as a dark pixel has other noise.
+fn photon_noise(new: f32, old: f32) -> f32 {
+    if old > 0.0 { (new.max(0.0) / old).sqrt().clamp(0.25, 4.0) } else { 1.0 }
+}
+
 /// Writes x / g − mean into `out`, with a least-squares gain g per patch and colour; false if the result is exactly 0.
 fn deviation(x: &PatchPair, mean: &PatchPair, out: &mut PatchPair) -> bool {
     let mut any = false;
@@ -157,8 +197,8 @@ fn deviation(x: &PatchPair, mean: &PatchPair, out: &mut PatchPair) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::light::NoiseModel;
     use crate::light::noise::tests::{all, frames};
-    use crate::light::{NoiseModel, Patch};
 
     const NOISE: NoiseModel = NoiseModel { read: 1e-6, shot: 0.0 };
 
@@ -234,5 +274,29 @@ mod tests {
         assert_eq!((background.mean(), background.frames()), (&chair, 4));
         let found = NoiseModel::from_frames(&background.kept().iter().collect::<Vec<_>>(), &all()).unwrap();
         assert!((found.sigma(0.4) / NOISE.sigma(0.4) - 1.0).abs() < 0.03);
+    }
+
+    #[test]
+    fn replaced_pixels_have_the_noise_of_their_light_and_the_others_stay_as_they_are() {
+        let photons = NoiseModel { read: 0.0, shot: 1e-5 };
+        let noisy = frames(32, photons, 0.0);
+        let mut rolling = rolling(&noisy);
+        let before = rolling.clone();
+        let pixels: Vec<bool> = (0..noisy[0].left.pixels()).map(|k| k % 3 == 0).collect();
+        // A dark thing, with a ninth of the light.
+        let dark = scaled(before.mean(), 1.0 / 9.0);
+        let shared = rolling.snapshot();
+        rolling.replace_pixels(Side::Left, &pixels, &dark.left, 8.0);
+        assert_eq!((rolling.averaged(), rolling.mean().right.clone()), (8.0, before.mean().right.clone()));
+        for (k, &replaced) in pixels.iter().enumerate() {
+            let expected = if replaced { dark.left.plane(1)[k] } else { before.mean().left.plane(1)[k] };
+            assert_eq!(rolling.mean().left.plane(1)[k], expected);
+            let deviation = |rolling: &RollingBackground| rolling.deviation(5).unwrap().left.plane(1)[k];
+            let expected = deviation(&before) * if replaced { 1.0 / 3.0 } else { 1.0 };
+            assert!((deviation(&rolling) - expected).abs() < 1e-7);
+        }
+        assert_eq!(shared.mean(), before.mean(), "a snapshot is not changed");
+        let [left, right] = rolling.noise();
+        assert!(left < right && (right / (photons.sigma(0.4) / 3.0_f64.sqrt()) - 1.0).abs() < 0.1, "{left} {right}");
     }
 }

@@ -128,6 +128,17 @@ impl Startup {
             .then(|| Learned { background: self.most_often(), still: false })
     }
 
+    /// A first picture of the room for use until it is learned: from the newest moments, once they span half the time
+    /// without motion. Whoever stands still for so short a time is in it.
+    pub fn preliminary(&self) -> Option<Background> {
+        let last = self.recent.back()?.seconds;
+        let long = 0.5 * self.needed_s();
+        let from = self.recent.iter().rposition(|m| last - m.seconds >= long - 1e-6)?;
+        let moments = self.recent.range(from..);
+        let still = moments.len() >= FEW && restlessness(moments.clone().map(|m| &m.cells)) < STILL;
+        still.then(|| background(moments))
+    }
+
     /// Progress through the time that a still room takes, 0 to 1; stays 1 while waiting for the room to be still.
     pub fn progress(&self) -> f64 {
         let frames = self.recent.len() as f64 / self.spec.frames.max(1) as f64;
@@ -246,6 +257,26 @@ mod tests {
         assert!((30.0..31.0).contains(&seconds), "{seconds}");
         assert!(!learned.still && learned.background.frames() >= 4);
         assert!(baked_in(&learned) < 0.2, "{}", baked_in(&learned));
+    }
+
+    #[test]
+    fn half_the_time_without_motion_gives_a_first_picture() {
+        let empty = frames(100, NOISE, 0.0);
+        let mut startup = Startup::new(SPEC, all());
+        let mut first = None;
+        for (k, frame) in empty.iter().enumerate() {
+            let seconds = 0.1 * k as f64;
+            // In sight for the first second and a half.
+            let person = (seconds < 1.5).then_some(seconds / 1.5);
+            startup.push(&with_person(frame, person), seconds);
+            if let Some(background) = startup.preliminary() {
+                first.get_or_insert((seconds, background));
+            }
+        }
+        let (seconds, background) = first.expect("a first picture");
+        assert!((3.8..4.5).contains(&seconds), "{seconds}");
+        let learned = Learned { background, still: true };
+        assert!(baked_in(&learned) < 0.3, "{}", baked_in(&learned));
     }
 
     #[test]

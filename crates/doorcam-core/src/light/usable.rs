@@ -13,6 +13,11 @@ impl Usable {
         Self { sides: counted.clone() }
     }
 
+    /// No pixel.
+    pub fn none(counted: &[Vec<bool>; 2]) -> Self {
+        Self { sides: counted.each_ref().map(|counted| vec![false; counted.len()]) }
+    }
+
     /// One side's pixels.
     pub fn side(&self, side: Side) -> &[bool] {
         &self.sides[side as usize]

@@ -1,4 +1,5 @@
-use doorcam_core::light::{PatchPair, RollingBackground};
+use doorcam_core::geometry::Side;
+use doorcam_core::light::{Patch, PatchPair, RollingBackground};
 
 /// Seconds between comparisons.
 const EVERY_S: f64 = 0.25;
@@ -35,6 +36,14 @@ impl Candidate {
     /// Forgets the picture.
     pub fn clear(&mut self) {
         self.picture = None;
+    }
+
+    /// Takes note of what lies on the floor now: one side's `pixels` show `patch`.
+    pub fn replace_pixels(&mut self, side: Side, pixels: &[bool], patch: &Patch) {
+        if let Some(picture) = &mut self.picture {
+            let averaged = picture.rolling.averaged();
+            picture.rolling.replace_pixels(side, pixels, patch, averaged);
+        }
     }
 
     /// Reports that the old background has fitted again for `step_s` seconds.

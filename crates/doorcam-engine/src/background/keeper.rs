@@ -1,12 +1,18 @@
+mod rebuild;
+
+use self::rebuild::REBUILT_S;
 use super::absorb::Candidate;
+use super::cover::Cover;
+use super::frame::{FrameLight, fill};
 use super::job::{Job, Work};
+use super::learning::{Learning, Meanwhile, UNSURE, prepare};
 use super::light::{Change, Light, LightWatch, light};
 use super::store::BackgroundStore;
 use crate::engine::StepError;
 use crate::reconstructor::Prepared;
 use crate::settings::BackgroundSettings;
 use crate::{BackgroundReport, Reconstruction, Reconstructor, State};
-use doorcam_core::light::{Background, Learned, PatchPair, RollingBackground, Snapshot, Startup, StartupSpec};
+use doorcam_core::light::{Learned, PatchPair, RollingBackground, Snapshot, Startup, StartupSpec, Usable};
 use doorcam_core::solver::{ModelKind, ProjectionError};
 use doorcam_source::{Purpose, SkipKind, SkippedFrame};
 
@@ -26,6 +32,15 @@ pub(crate) struct Keeper {
     /// Light of the picture that frames are compared with.
     reference: Light,
     candidate: Candidate,
+    cover: Cover,
+    /// Pixels that have just become part of the background: while the problem is rebuilt for it, and after that until
+    /// somebody asks.
+    uncovered: Uncovered,
+    /// The floor's noise on each side (standard deviation of a pixel's grey level).
+    noise: [f64; 2],
+    /// The frame with every pixel showing the floor.
+    filled: Option<PatchPair>,
+    frames: usize,
     rebuilding: Option<Job<Prepared>>,
     /// Minimum seconds between two rebuilds of the problem.
     rebuilt_s: f64,
@@ -34,17 +49,13 @@ pub(crate) struct Keeper {
     timers: Timers,
 }
 
-/// What the keeper needs to know of a frame.
-pub(crate) struct FrameLight<'a> {
-    /// As captured.
-    pub raw: &'a PatchPair,
-    /// Averaged in time; the same as `raw` without averaging.
-    pub pair: &'a PatchPair,
-    /// Noise of this average as a multiple of a full average's.
-    pub excess: f64,
-    /// Capture time on the source's clock.
-    pub seconds: f64,
-    pub purpose: Purpose,
+/// Pixels of what lies on the floor, on their way into the background.
+enum Uncovered {
+    None,
+    /// They are in the mean, and the problem is being rebuilt for it.
+    Rebuilding(Usable),
+    /// Frames are compared with them.
+    Done(Usable),
 }
 
 enum Phase {
@@ -52,15 +63,6 @@ enum Phase {
     Before,
     Learning(Box<Learning>),
     Watching,
-}
-
-struct Learning {
-    startup: Startup,
-    /// Whether there was a background before.
-    again: bool,
-    /// Consecutive frames that fit the old background, which is then used again; none if it must not return.
-    fits: Option<usize>,
-    building: Option<(Job<Prepared>, RollingBackground)>,
 }
 
 /// Seconds since each was last done or seen.
@@ -79,25 +81,9 @@ const GAP_S: f64 = 10.0;
 const CALM_S: f64 = 2.0;
 /// A frame is followed only if its energy is at most this multiple of the noise's.
 const NOISY: f64 = 1.5;
-/// Seconds between checks whether the current problem still fits.
-const CHECK_S: f64 = 1.0;
-/// The problem is rebuilt when the background has moved by this share of what would be detected, or its light by
-/// `MOVED_LIGHT`.
-const MOVED: f64 = 0.25;
-const MOVED_LIGHT: f64 = 0.02;
-/// Minimum seconds between two rebuilds, and as a multiple of the time one takes, so that a slow machine keeps time for
-/// its frames.
-const REBUILT_S: f64 = 5.0;
-const REBUILT_SHARE: f64 = 10.0;
-/// Frames from which the noise can be measured well enough to rebuild the problem.
-const ENOUGH: usize = 4;
 /// Frames needed to learn the first background, and to learn it anew.
 const FRAMES: usize = 12;
 const FRAMES_AGAIN: usize = 8;
-/// Consecutive frames that must fit the old background before it is used again.
-const FITTING: usize = 3;
-/// The light may differ from the old background's by at most this many `light_step`s.
-const NEAR: f64 = 2.0;
 
 impl Keeper {
     /// Starts with the stored background if it is valid for this model, otherwise with none. Frames at least `apart_s`
@@ -112,6 +98,11 @@ impl Keeper {
         let mut keeper = Self {
             light: LightWatch::new(settings.light_step, true, true),
             candidate: Candidate::new(settings.absorb_s, settings.adapt_s),
+            cover: Cover::new(settings.cover_s, reconstructor.model().patch.size),
+            uncovered: Uncovered::None,
+            noise: [0.0; 2],
+            filled: None,
+            frames: 0,
             settings: *settings,
             work,
             store,
@@ -174,8 +165,30 @@ impl Keeper {
         match &self.phase {
             Phase::Before => State::Learning,
             Phase::Learning(learning) if !learning.again => State::Learning,
-            Phase::Learning(_) => State::Relearning,
+            Phase::Learning(learning) => match &learning.meanwhile {
+                Some(meanwhile) if meanwhile.explained() => State::Watching,
+                _ => State::Relearning,
+            },
             Phase::Watching => State::Watching,
+        }
+    }
+
+    /// How much more uncertain than usual the map is, as a factor on standard deviations.
+    pub fn unsure(&self) -> f64 {
+        if let Phase::Watching = self.phase { 1.0 } else { UNSURE }
+    }
+
+    /// The pixels that did not show the floor and have just become part of the background, so that they can be used
+    /// again; none but for the first call after that.
+    // For the stage that tells which pixels are usable.
+    #[allow(dead_code)]
+    pub fn take_uncovered(&mut self) -> Option<Usable> {
+        match std::mem::replace(&mut self.uncovered, Uncovered::None) {
+            Uncovered::Done(pixels) => Some(pixels),
+            other => {
+                self.uncovered = other;
+                None
+            }
         }
     }
 
@@ -185,13 +198,32 @@ impl Keeper {
         self.learn_anew(reconstructor, true, false);
     }
 
-    /// Processes a frame; returns its map, or none while learning.
+    /// Processes a frame; returns its map, or none while learning. Pixels that are not usable are taken to show the
+    /// floor as it was, and change nothing.
     pub fn step(
         &mut self,
         seen: &FrameLight,
         reconstructor: &mut Reconstructor,
     ) -> Result<Option<Reconstruction>, KeeperError> {
         let step_s = self.advance(seen.seconds);
+        self.frames = self.frames.wrapping_add(1);
+        let (Some(usable), Some(floor)) = (seen.usable, reconstructor.reference()) else {
+            return self.step_filled(seen, step_s, reconstructor);
+        };
+        let mut filled = self.filled.take().unwrap_or_else(|| PatchPair::zeros(floor.left.size()));
+        fill(seen.pair, usable, floor, self.rolling.as_ref(), self.frames, &mut filled);
+        let map = self.step_filled(&FrameLight { pair: &filled, ..*seen }, step_s, reconstructor);
+        self.filled = Some(filled);
+        self.follow_cover(seen, usable, step_s, reconstructor);
+        map
+    }
+
+    fn step_filled(
+        &mut self,
+        seen: &FrameLight,
+        step_s: f64,
+        reconstructor: &mut Reconstructor,
+    ) -> Result<Option<Reconstruction>, KeeperError> {
         if let Phase::Before = self.phase {
             if reconstructor.background().frames() > 0 {
                 // The recording says which frames show the empty room.
@@ -206,21 +238,23 @@ impl Keeper {
             self.learn_anew(reconstructor, false, false);
         }
         if let Phase::Learning(_) = self.phase {
-            self.learn(seen, reconstructor)?;
+            let map = self.learn(seen, step_s, reconstructor)?;
             if let Phase::Learning(_) = self.phase {
-                return Ok(None);
+                return Ok(map);
             }
         }
         self.take_rebuilt(reconstructor);
         let Some(map) = reconstructor.reconstruct_in_noise(seen.pair, seen.excess)? else {
             return Err(KeeperError::NoBackground);
         };
-        let now = light(seen.raw, &reconstructor.model().counted);
-        if let Some(change) = self.light.observe(seen.seconds, step_s, now, self.reference, &map) {
-            self.light_changed(change, reconstructor);
-            return Ok(None);
+        if !seen.mostly_blocked(&reconstructor.model().counted) {
+            let [now, then] = seen.lights(self.reference, reconstructor);
+            if let Some(change) = self.light.observe(seen.seconds, step_s, now, then, &map) {
+                self.light_changed(change, reconstructor);
+                return Ok(self.learn(seen, step_s, reconstructor)?);
+            }
+            self.follow(seen, step_s, &map, reconstructor);
         }
-        self.follow(seen, step_s, &map, reconstructor);
         self.rebuild_if_due(reconstructor);
         self.save_if_due(reconstructor);
         Ok(Some(map))
@@ -241,6 +275,7 @@ impl Keeper {
             self.light.restart();
             // A recording that starts again repeats its frames; the candidate must not count them twice.
             self.candidate.clear();
+            self.cover.clear();
             return 0.0;
         };
         self.age_s += step;
@@ -262,28 +297,54 @@ impl Keeper {
             apart_s: self.apart_s,
         };
         let startup = Startup::new(spec, reconstructor.model().counted.clone());
-        let fits = may_return.then_some(0);
-        self.phase = Phase::Learning(Box::new(Learning { startup, again, fits, building: None }));
+        let meanwhile = may_return.then(|| Meanwhile::new(self.reference));
+        self.phase = Phase::Learning(Box::new(Learning { startup, again, meanwhile, building: None }));
         self.rebuilding = None;
         self.candidate.clear();
+        self.cover.clear();
     }
 
-    fn learn(&mut self, seen: &FrameLight, reconstructor: &mut Reconstructor) -> Result<(), KeeperError> {
-        let Phase::Learning(learning) = &mut self.phase else { return Ok(()) };
-        if let Some(fits) = &mut learning.fits {
-            let map = reconstructor.reconstruct_in_noise(seen.pair, seen.excess)?;
-            let fitting = map.is_some_and(|map| map.is_empty() && self.light.is_noise(map.energy, NOISY));
-            let now = light(seen.raw, &reconstructor.model().counted);
-            let near = (0..6).all(|k| {
-                let (now, then) = (now[k / 3][k % 3], self.reference[k / 3][k % 3]);
-                (now - then).abs() <= NEAR * self.settings.light_step * then
-            });
-            *fits = if fitting && near { *fits + 1 } else { 0 };
-            if *fits >= FITTING {
+    /// Learns from a frame. Returns its map if something explains it meanwhile.
+    fn learn(
+        &mut self,
+        seen: &FrameLight,
+        step_s: f64,
+        reconstructor: &mut Reconstructor,
+    ) -> Result<Option<Reconstruction>, ProjectionError> {
+        let Phase::Learning(learning) = &mut self.phase else { return Ok(None) };
+        let mut map = None;
+        if let Some(meanwhile) = &mut learning.meanwhile {
+            map = meanwhile.explain(seen, step_s, &self.light, self.settings.light_step, reconstructor)?;
+            if meanwhile.old_fits() {
                 tracing::info!("the light is what it was before: the old background is used again");
-                self.phase = Phase::Watching;
-                self.light.restart();
-                return Ok(());
+                self.watch_old(reconstructor);
+                return Ok(map);
+            }
+        }
+        if learning.building.is_none() {
+            // An average that is not full yet is noisier than the ones to come.
+            if seen.excess == 1.0 && !seen.mostly_blocked(&reconstructor.model().counted) {
+                learning.startup.push(seen.pair, seen.seconds);
+            }
+            if let Some(Learned { background, still }) = learning.startup.learned() {
+                if learning.meanwhile.as_ref().is_some_and(Meanwhile::old_is_right) {
+                    tracing::info!("people and the old background explain what is seen: it is used again");
+                    self.watch_old(reconstructor);
+                    return Ok(map);
+                }
+                if still {
+                    tracing::info!("the empty room is learned from {} frames", background.frames());
+                } else {
+                    tracing::warn!(
+                        "something moved for {} s: the picture that came back most often is taken for the empty room \
+                         (background.learn_max_s)",
+                        self.settings.learn_max_s
+                    );
+                }
+                let rolling = RollingBackground::from_background(&background);
+                learning.building = Some((prepare(self.work, background, seen.pair.clone(), reconstructor), rolling));
+            } else if let Some(meanwhile) = &mut learning.meanwhile {
+                meanwhile.prepare(&learning.startup, seen, self.work, reconstructor);
             }
         }
         if let Some((job, rolling)) = learning.building.take() {
@@ -292,34 +353,27 @@ impl Keeper {
                 Ok(Some(prepared)) => {
                     reconstructor.install(prepared);
                     self.watch(rolling, reconstructor, true);
-                    return Ok(());
                 }
                 // The thread has reported the reason. Later frames may succeed.
                 Ok(None) => {}
             }
-            return Ok(());
         }
-        // An average that is not full yet is noisier than the ones to come.
-        if seen.excess == 1.0 {
-            learning.startup.push(seen.pair, seen.seconds);
+        Ok(map)
+    }
+
+    /// Watches with the background from before it was to be learned anew.
+    fn watch_old(&mut self, reconstructor: &mut Reconstructor) {
+        if let Phase::Learning(learning) = &mut self.phase
+            && let Some(meanwhile) = &mut learning.meanwhile
+        {
+            meanwhile.use_old(reconstructor);
         }
-        if let Some(Learned { background, still }) = learning.startup.learned() {
-            if still {
-                tracing::info!("the empty room is learned from {} frames", background.frames());
-            } else {
-                tracing::warn!(
-                    "something moved for {} s: the picture that came back most often is taken for the empty room \
-                     (background.learn_max_s)",
-                    self.settings.learn_max_s
-                );
-            }
-            let rolling = RollingBackground::from_background(&background);
-            learning.building = Some((prepare(self.work, background, seen.pair.clone(), reconstructor), rolling));
-            if self.work == Work::InPlace {
-                return self.learn(seen, reconstructor);
-            }
+        self.phase = Phase::Watching;
+        self.light.restart();
+        if let Uncovered::Rebuilding(_) = self.uncovered {
+            // It was interrupted.
+            self.rebuild(reconstructor);
         }
-        Ok(())
     }
 
     /// Starts to watch with this background, whose problem is already installed.
@@ -327,6 +381,8 @@ impl Keeper {
         let known_noise = reconstructor.model().kind == ModelKind::Signed;
         self.light = LightWatch::new(self.settings.light_step, known_noise, verified);
         self.rolling = Some(rolling);
+        self.cover.clear();
+        self.uncovered = Uncovered::None;
         self.use_reference(reconstructor);
         self.candidate.clear();
         self.age_s = 0.0;
@@ -335,13 +391,18 @@ impl Keeper {
     }
 
     fn use_reference(&mut self, reconstructor: &Reconstructor) {
-        let counted = &reconstructor.model().counted;
+        let counted = reconstructor.model().counted.each_ref().map(Vec::as_slice);
         self.reference = reconstructor.reference().map_or(Light::default(), |reference| light(reference, counted));
+        self.noise = self.rolling.as_ref().map_or([0.0; 2], RollingBackground::noise);
     }
 
     /// Lets the background follow the frame if nobody can be in it, and absorbs what does not move.
     fn follow(&mut self, seen: &FrameLight, step_s: f64, map: &Reconstruction, reconstructor: &mut Reconstructor) {
         let Some(rolling) = &mut self.rolling else { return };
+        if let Uncovered::Rebuilding(_) = self.uncovered {
+            // The frame is filled with the floor that the mean no longer shows.
+            return;
+        }
         if map.is_empty() {
             self.candidate.refute(step_s);
             if self.light.is_noise(map.energy, NOISY) {
@@ -365,48 +426,7 @@ impl Keeper {
         if let Some((picture, averaged)) = absorbed {
             tracing::info!("what has not moved for {} s is now part of the background", self.settings.absorb_s);
             rolling.replace(&picture, averaged);
-            // Rebuild at once.
-            (self.timers.built, self.timers.checked) = (self.settings.rebuild_s.max(self.rebuilt_s), CHECK_S);
-        }
-    }
-
-    fn take_rebuilt(&mut self, reconstructor: &mut Reconstructor) {
-        match self.rebuilding.take().map(Job::poll) {
-            None => {}
-            Some(Err(running)) => self.rebuilding = Some(running),
-            // It failed and has reported the reason: the old problem stays.
-            Some(Ok(None)) => {}
-            Some(Ok(Some(prepared))) => {
-                if self.work == Work::Aside {
-                    self.rebuilt_s = REBUILT_S.max(REBUILT_SHARE * prepared.took.as_secs_f64());
-                }
-                reconstructor.install(prepared);
-                self.use_reference(reconstructor);
-            }
-        }
-    }
-
-    /// Rebuilds the problem for the present background, on another thread, when the current one no longer fits.
-    fn rebuild_if_due(&mut self, reconstructor: &mut Reconstructor) {
-        let Some(rolling) = &self.rolling else { return };
-        let early = self.timers.checked < CHECK_S || self.timers.built < self.rebuilt_s;
-        // The noise of a background with fewer frames was guessed from a frame's difference, which a rebuild lacks.
-        if self.rebuilding.is_some() || early || rolling.deviations() < ENOUGH {
-            return;
-        }
-        self.timers.checked = 0.0;
-        let lit = light(rolling.mean(), &reconstructor.model().counted);
-        let relative = |k: usize| (lit[k / 3][k % 3] / self.reference[k / 3][k % 3].max(f64::MIN_POSITIVE) - 1.0).abs();
-        let moved = (0..6).any(|k| relative(k) > MOVED_LIGHT)
-            || reconstructor.departure(rolling.mean(), None).is_some_and(|share| share > MOVED);
-        if moved || self.timers.built >= self.settings.rebuild_s {
-            self.timers.built = 0.0;
-            let (model, snapshot) = (reconstructor.model().clone(), rolling.snapshot());
-            self.rebuilding = Some(Job::in_turn(self.work, "background", move || {
-                let background = snapshot.background();
-                let nothing = PatchPair::zeros(model.patch.size);
-                Prepared::new(&model, &background, &nothing)
-            }));
+            self.rebuild_soon();
         }
     }
 
@@ -418,16 +438,6 @@ impl Keeper {
             store.save(reconstructor.model(), rolling.snapshot(), self.work);
         }
     }
-}
-
-/// Builds the problem for a background to which `frame` belongs.
-fn prepare(work: Work, background: Background, frame: PatchPair, reconstructor: &Reconstructor) -> Job<Prepared> {
-    let model = reconstructor.model().clone();
-    Job::in_turn(work, "background", move || {
-        let mut difference = PatchPair::zeros(model.patch.size);
-        background.difference(&frame, &mut difference);
-        Prepared::new(&model, &background, &difference)
-    })
 }
 
 /// Why a frame yielded neither a map nor progress.

@@ -4,15 +4,15 @@ use crate::Reconstruction;
 use doorcam_core::geometry::Side;
 use doorcam_core::light::PatchPair;
 
-/// Light of each patch's three colours: the mean of the counted pixels, relative to full scale; left, then right.
+/// Light of each patch's three colours: the mean of the pixels that count, relative to full scale; left, then right.
 pub(super) type Light = [[f64; 3]; 2];
 
 /// Measures a patch pair's light.
-pub(super) fn light(pair: &PatchPair, counted: &[Vec<bool>; 2]) -> Light {
+pub(super) fn light(pair: &PatchPair, counted: [&[bool]; 2]) -> Light {
     [0, 1].map(|s| {
         let patch = pair.side(Side::BOTH[s]);
         [0, 1, 2].map(|p| {
-            let pixels = patch.plane(p).iter().zip(&counted[s]);
+            let pixels = patch.plane(p).iter().zip(counted[s]);
             let (sum, count) =
                 pixels.fold(
                     (0.0, 0.0),
@@ -40,6 +40,17 @@ pub(super) enum Change {
     /// A saved background does not fit the first frames.
     #[error("the light on the floor is {:+.0} % off what it was when the background was saved", 100.0 * .0)]
     Saved(f64),
+}
+
+/// How well a background explains a frame although the light seems to have changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Explained {
+    /// Not at all.
+    Not,
+    /// Its map can be shown, but a lamp may be what has changed.
+    Shown,
+    /// By people: there is no need for another background.
+    Right,
 }
 
 /// Tells a change of the light from people.
@@ -92,6 +103,12 @@ const EVEN_S: f64 = 0.5;
 const UNEXPLAINED_S: f64 = 3.0;
 /// People leave less than this share of a strong change unexplained.
 const UNEXPLAINED: f64 = 0.25;
+/// Although the light seems to have changed, a frame is explained if facets leave at most this many `step`s to a gain,
+/// which does not disturb the map, and explain at least this share of the rest.
+const EXPLAINED_GAIN: f64 = 2.0;
+const EXPLAINED: f64 = 0.5;
+/// Of the change of the light, people leave at most this part to a gain, and lamps nearly all.
+const OF_PEOPLE: f64 = 0.7;
 /// Frames until a saved background is checked against the light.
 const VERIFIED: usize = 3;
 /// Time constant of the noise energy, in seconds.
@@ -187,6 +204,20 @@ impl LightWatch {
                 || self.unexplained(found).is_some_and(|share| share > UNEXPLAINED);
             (off.abs() > self.step && still && both && unexplained).then_some(Change::Step(off))
         })
+    }
+
+    /// How well a frame with the light `light` is explained by people and a background with the light `reference`,
+    /// although the light seems to have changed.
+    pub fn explained(&self, light: Light, reference: Light, found: &Reconstruction) -> Explained {
+        let off = strongest(ratio(light, reference)).abs();
+        let gain = found.gain.map_or(off, |gain| strongest(gain).abs());
+        if gain > EXPLAINED_GAIN * self.step || self.unexplained(found).is_some_and(|share| share > 1.0 - EXPLAINED) {
+            Explained::Not
+        } else if gain > OF_PEOPLE * off {
+            Explained::Shown
+        } else {
+            Explained::Right
+        }
     }
 
     fn even(&mut self, step_s: f64, relative: Light, found: &Reconstruction) -> Option<Change> {

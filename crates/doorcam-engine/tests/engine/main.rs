@@ -9,4 +9,5 @@ mod background;
 mod background_saved;
 mod light_change;
 mod model;
+mod never_blind;
 mod rendered_floor;
