@@ -207,6 +207,8 @@ impl Keeper {
     ) -> Result<Option<Reconstruction>, KeeperError> {
         let step_s = self.advance(seen.seconds);
         self.frames = self.frames.wrapping_add(1);
+        // Before the frame is filled with the picture in use.
+        self.take_rebuilt(reconstructor);
         let (Some(usable), Some(floor)) = (seen.usable, reconstructor.reference()) else {
             return self.step_filled(seen, step_s, reconstructor);
         };
@@ -243,7 +245,6 @@ impl Keeper {
                 return Ok(map);
             }
         }
-        self.take_rebuilt(reconstructor);
         let Some(map) = reconstructor.reconstruct_in_noise(seen.pair, seen.excess)? else {
             return Err(KeeperError::NoBackground);
         };

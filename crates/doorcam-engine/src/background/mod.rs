@@ -6,7 +6,8 @@ mod cover;
 mod frame;
 mod job;
 mod keeper;
-#[cfg(all(test, feature = "simulation"))]
+#[cfg(test)]
+#[cfg(feature = "simulation")]
 mod keeper_tests;
 mod learning;
 mod light;
