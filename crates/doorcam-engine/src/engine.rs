@@ -201,8 +201,14 @@ impl Engine {
                 }
                 Some(keeper) => {
                     let (seconds, purpose) = (frame.seconds, frame.purpose);
-                    let seen = FrameLight { raw: &self.pair, pair, excess, seconds, purpose, usable: None };
-                    keeper.step(&seen, &mut self.reconstructor).map_err(|e| e.of(&frame.name))?
+                    let usable = (!self.validity.is_clear()).then(|| self.validity.usable());
+                    let busy = self.visible.as_ref().is_ok_and(|visible| visible.is_busy(seconds));
+                    let seen = FrameLight { raw: &self.pair, pair, excess, seconds, purpose, usable, busy };
+                    let map = keeper.step(&seen, &mut self.reconstructor).map_err(|e| e.of(&frame.name))?;
+                    if let (Some(pixels), Ok(visible)) = (keeper.take_uncovered(), &mut self.visible) {
+                        visible.accept(&pixels);
+                    }
+                    map
                 }
             }
         };
@@ -244,23 +250,28 @@ impl Engine {
     /// Looks at the camera's own side, and judges which pixels of the patches can be used.
     fn look(&mut self, frame: &RawFrame, looked: bool) -> ViewReport {
         let learning = !self.watching && is_given(frame.purpose, self.keeper.is_some());
-        let usable = self.validity.restart();
+        self.validity.restart();
+        // The published method compares pictures as they are.
+        let judges = !learning && self.reconstructor.model().kind == ModelKind::Signed;
+        if judges && let Some(empty) = self.reconstructor.empty() {
+            self.validity.judge(&self.pair, empty);
+        }
         if let Ok(visible) = &mut self.visible {
             if looked {
                 visible.look(frame.seconds, learning);
             }
-            visible.mask(usable);
-        }
-        if !learning && let Some(empty) = self.reconstructor.empty() {
-            self.validity.judge(&self.pair, empty);
+            if visible.is_someone_there() {
+                visible.mask(self.validity.usable_mut());
+            } else {
+                self.validity.allow_for_light();
+            }
+            if !self.validity.is_clear() {
+                visible.disturb(frame.seconds);
+            }
+        } else {
+            self.validity.allow_for_light();
         }
         let (view, used) = self.validity.report();
-        if let Ok(visible) = &mut self.visible
-            && used.iter().any(|&used| used < 1.0)
-            && !learning
-        {
-            visible.disturb(frame.seconds);
-        }
         self.reconstructor.use_only(self.validity.usable(), used);
         view
     }

@@ -14,6 +14,8 @@ const BRIGHTEST: f32 = 1.8;
 /// Share of used pixels below which a patch is partly covered, and below which it is blocked.
 const PARTIAL: f64 = 0.97;
 const BLOCKED: f64 = 0.4;
+/// Share of used pixels of both patches below which it is the light that has changed.
+const LIGHT: f64 = 0.2;
 
 /// Judges which pixels of a frame still show the floor.
 #[derive(Debug, Clone)]
@@ -31,9 +33,22 @@ impl Validity {
     }
 
     /// Starts a frame with all pixels.
-    pub(crate) fn restart(&mut self) -> &mut Usable {
+    pub(crate) fn restart(&mut self) {
         self.usable.copy_from(&self.counted);
-        &mut self.usable
+    }
+
+    /// Takes all pixels back if nearly none is left of either patch: without anybody there to cover them, that is a lamp,
+    /// for which there is the background.
+    pub(crate) fn allow_for_light(&mut self) {
+        let few = |side| (self.usable.count(side) as f64) < LIGHT * self.counted.count(side) as f64;
+        if Side::BOTH.into_iter().all(few) {
+            self.restart();
+        }
+    }
+
+    /// Whether all pixels can be used.
+    pub(crate) fn is_clear(&self) -> bool {
+        self.usable == self.counted
     }
 
     /// Takes out pixels with a light that neither the room nor a shadow can cause, compared with the `empty` room, and
@@ -59,6 +74,11 @@ impl Validity {
             let usable = self.usable.side_mut(side).iter_mut();
             usable.zip(&self.spread).for_each(|(usable, covered)| *usable &= !covered);
         }
+    }
+
+    /// What is left, to take more out of it.
+    pub(crate) fn usable_mut(&mut self) -> &mut Usable {
+        &mut self.usable
     }
 
     /// What is left.
@@ -120,5 +140,8 @@ mod tests {
         // Black trousers all over both.
         let (view, share) = used(&floor([0.02; 3]));
         assert_eq!((view.left.state, view.right.state, share), (ViewState::Blocked, ViewState::Blocked, [0.0; 2]));
+        // If nobody is there, it is the light.
+        validity.allow_for_light();
+        assert!(validity.is_clear());
     }
 }

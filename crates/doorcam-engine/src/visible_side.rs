@@ -102,6 +102,19 @@ impl VisibleSide {
         &self.walkers
     }
 
+    /// Whether the newest look shows somebody, or something of the size of a body.
+    pub(crate) fn is_someone_there(&self) -> bool {
+        !self.sightings.is_empty()
+    }
+
+    /// Takes what covers these pixels of the patches for a part of the scene.
+    pub(crate) fn accept(&mut self, pixels: &Usable) {
+        for (side, cells) in Side::BOTH.into_iter().zip(&self.cells) {
+            let learned = cells.iter().zip(pixels.side(side)).filter(|(_, learned)| **learned);
+            learned.filter_map(|(cell, _)| *cell).for_each(|cell| self.scene.accept(cell));
+        }
+    }
+
     /// Something on the visible side disturbs the patches at this time.
     pub(crate) fn disturb(&mut self, seconds: f64) {
         self.busy_s = Some(seconds);

@@ -25,7 +25,9 @@ pub struct StillScene {
     learned: f32,
     /// What covers each cell, and for how long it has looked the same, in seconds.
     cover: Vec<([f32; 3], f32)>,
-    /// This picture's logarithms, relative to the still scene.
+    /// The last picture's logarithms.
+    now: Vec<[f32; 3]>,
+    /// The last picture's logarithms, relative to the still scene.
     change: Vec<[f32; 3]>,
     /// For medians.
     sorted: Vec<f32>,
@@ -39,6 +41,7 @@ impl StillScene {
             still: None,
             learned: 0.0,
             cover: vec![([0.0; 3], 0.0); grid.len()],
+            now: vec![[0.0; 3]; grid.len()],
             change: vec![[0.0; 3]; grid.len()],
             sorted: Vec::with_capacity(grid.len()),
         }
@@ -68,9 +71,9 @@ impl StillScene {
             self.still = Some(picture.cells().iter().map(|&rgb| log(rgb)).collect());
             return;
         };
-        for ((change, &rgb), still) in self.change.iter_mut().zip(picture.cells()).zip(still.iter()) {
-            let now = log(rgb);
-            *change = [0, 1, 2].map(|c| now[c] - still[c]);
+        for (k, (&rgb, still)) in picture.cells().iter().zip(still.iter()).enumerate() {
+            self.now[k] = log(rgb);
+            self.change[k] = [0, 1, 2].map(|c| self.now[k][c] - still[c]);
         }
         let shared = [0, 1, 2].map(|c| {
             self.sorted.clear();
@@ -104,6 +107,13 @@ impl StillScene {
                 (0..3).for_each(|c| still[c] += change[c] + shared[c]);
                 *seconds = 0.0;
             }
+        }
+    }
+
+    /// Takes what the last picture shows in a cell for a part of the scene.
+    pub fn accept(&mut self, cell: usize) {
+        if let Some(still) = &mut self.still {
+            still[cell] = self.now[cell];
         }
     }
 

@@ -18,6 +18,8 @@ pub(crate) struct FrameLight<'a> {
     pub purpose: Purpose,
     /// The pixels that show the floor; none if all do.
     pub usable: Option<&'a Usable>,
+    /// Whether somebody on the visible side disturbs the light, or did a moment ago.
+    pub busy: bool,
 }
 
 /// Share of a patch's pixels that must show the floor for the patch to say anything about the light.
@@ -37,8 +39,14 @@ impl FrameLight<'_> {
         }
     }
 
+    /// Whether the frame says nothing about the light and the empty room: most of a patch cannot be used, or somebody is
+    /// in its light.
+    pub fn is_disturbed(&self, counted: &[Vec<bool>; 2]) -> bool {
+        self.busy || self.mostly_blocked(counted)
+    }
+
     /// Whether most of a patch cannot be used.
-    pub fn mostly_blocked(&self, counted: &[Vec<bool>; 2]) -> bool {
+    fn mostly_blocked(&self, counted: &[Vec<bool>; 2]) -> bool {
         let blocked = |usable: &Usable, s: usize| {
             let all = counted[s].iter().filter(|&&counts| counts).count();
             (usable.count(Side::BOTH[s]) as f64) < ENOUGH * all as f64
@@ -108,7 +116,8 @@ mod tests {
         }
         let mostly_blocked = |usable: &Usable| {
             let (excess, seconds, purpose) = (1.0, 0.0, Purpose::Live);
-            let seen = FrameLight { raw: &now, pair: &now, excess, seconds, purpose, usable: Some(usable) };
+            let seen =
+                FrameLight { raw: &now, pair: &now, excess, seconds, purpose, usable: Some(usable), busy: false };
             seen.mostly_blocked(&counted)
         };
         assert!(!mostly_blocked(&usable));

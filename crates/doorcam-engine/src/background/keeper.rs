@@ -180,8 +180,6 @@ impl Keeper {
 
     /// The pixels that did not show the floor and have just become part of the background, so that they can be used
     /// again; none but for the first call after that.
-    // For the stage that tells which pixels are usable.
-    #[allow(dead_code)]
     pub fn take_uncovered(&mut self) -> Option<Usable> {
         match std::mem::replace(&mut self.uncovered, Uncovered::None) {
             Uncovered::Done(pixels) => Some(pixels),
@@ -248,7 +246,7 @@ impl Keeper {
         let Some(map) = reconstructor.reconstruct_in_noise(seen.pair, seen.excess)? else {
             return Err(KeeperError::NoBackground);
         };
-        if !seen.mostly_blocked(&reconstructor.model().counted) {
+        if !seen.is_disturbed(&reconstructor.model().counted) {
             let [now, then] = seen.lights(self.reference, reconstructor);
             if let Some(change) = self.light.observe(seen.seconds, step_s, now, then, &map) {
                 self.light_changed(change, reconstructor);
@@ -324,7 +322,7 @@ impl Keeper {
         }
         if learning.building.is_none() {
             // An average that is not full yet is noisier than the ones to come.
-            if seen.excess == 1.0 && !seen.mostly_blocked(&reconstructor.model().counted) {
+            if seen.excess == 1.0 && !seen.is_disturbed(&reconstructor.model().counted) {
                 learning.startup.push(seen.pair, seen.seconds);
             }
             if let Some(Learned { background, still }) = learning.startup.learned() {

@@ -60,7 +60,7 @@ impl Camera {
             }
         }
         let (seconds, purpose) = (self.frame as f64 / FPS, Purpose::Live);
-        let seen = FrameLight { raw: &pair, pair: &pair, excess: 1.0, seconds, purpose, usable };
+        let seen = FrameLight { raw: &pair, pair: &pair, excess: 1.0, seconds, purpose, usable, busy: false };
         self.keeper.step(&seen, &mut self.reconstructor).unwrap()
     }
 
