@@ -18,6 +18,7 @@
 //! | [`image`], [`optics`] | decoded samples; the camera's transfer function and lens |
 //! | [`calibration`] | fits the camera to marked points on the floor |
 //! | [`light`] | from an image to two patches in linear light; background, noise, drift |
+//! | [`alignment`] | whether the camera still looks where it did |
 //! | [`geometry`] | doorway, biangular coordinates, the grid of facets (eq. 3, 5) |
 //! | [`transport`] | how much light each facet sends to each floor pixel (eq. 2) |
 //! | [`solver`] | the inverse problem: which facets changed, and how (eq. 12, 13) |
@@ -89,6 +90,7 @@
 // What a user, a file or a device gives must never panic.
 #![warn(clippy::unwrap_used, clippy::expect_used)]
 
+pub mod alignment;
 pub mod bound;
 pub mod calibration;
 pub mod geometry;
