@@ -69,6 +69,8 @@ pub struct CameraConfig {
     pub distortion: [f64; 2],
     /// Focal length that goes with `distortion`, in pixels; 0: the width of the image.
     pub focal_px: f64,
+    /// How far the camera may be moved, in pixels of its image, for the calibration to follow it by itself; 0 for never.
+    pub follow_px: f64,
 }
 
 impl Default for CameraConfig {
@@ -86,6 +88,7 @@ impl Default for CameraConfig {
             transfer: Transfer::Srgb,
             distortion: [0.0; 2],
             focal_px: 0.0,
+            follow_px: 10.0,
         }
     }
 }
@@ -106,7 +109,7 @@ impl CameraConfig {
             within("camera.distortion", k, -10.0, 10.0, "(k1 and k2)")?;
         }
         within("camera.focal_px", self.focal_px, 0.0, 1e5, "pixels")?;
-        Ok(())
+        within("camera.follow_px", self.follow_px, 0.0, 100.0, "pixels, or 0 for never")
     }
 
     /// The lens, if it distorts.

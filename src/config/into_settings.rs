@@ -57,6 +57,7 @@ impl Config {
             crossings: crossings.enabled,
             lens: camera.lens(),
             transfer: camera.transfer.clone(),
+            follow_px: camera.follow_px,
         }
     }
 }

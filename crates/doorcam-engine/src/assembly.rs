@@ -1,13 +1,14 @@
 //! Assembly of engines from settings and a doorway.
 
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use doorcam_core::calibration::{Calibration, Check};
 use doorcam_core::geometry::Doorway;
 use doorcam_source::RawFrame;
 use doorcam_source::recording::Manifest;
 
+use crate::alignment::Alignment;
 use crate::background::BackgroundStore;
 use crate::visible_side::VisibleSide;
 use crate::{Engine, FrameReader, Model, People, Reconstructor, Settings, SetupError, Work};
@@ -53,6 +54,8 @@ struct View {
     doorway: Doorway,
     /// The camera properties that a saved background depends on, as text.
     words: String,
+    /// Complete; none for recordings of rectified patches.
+    calibration: Option<Calibration>,
 }
 
 impl Assembly {
@@ -161,8 +164,9 @@ impl Assembly {
     /// camera.
     pub fn for_recording(&self, manifest: &Manifest) -> Result<Engine, SetupError> {
         let reader = FrameReader::for_recording(&self.settings, manifest)?;
-        let words = format!("{:?}", manifest.calibration());
-        self.build(View { reader, doorway: manifest.doorway, words })
+        let calibration = manifest.calibration();
+        let words = format!("{calibration:?}");
+        self.build(View { reader, doorway: manifest.doorway, words, calibration })
     }
 
     /// Builds an engine for a calibrated camera. Takes a few tenths of a second.
@@ -172,13 +176,15 @@ impl Assembly {
     pub fn for_camera(&self, calibration: &Calibration) -> Result<Engine, SetupError> {
         let calibration = self.complete(calibration);
         let reader = FrameReader::for_calibration(&self.settings, &calibration)?;
-        self.build(View { reader, doorway: calibration.doorway, words: format!("{calibration:?}") })
+        let words = format!("{calibration:?}");
+        self.build(View { reader, doorway: calibration.doorway, words, calibration: Some(calibration) })
     }
 
     fn build(&self, view: View) -> Result<Engine, SetupError> {
-        let View { reader, doorway, words } = view;
+        let View { reader, doorway, words, calibration } = view;
         let model = Model::new(&self.settings, doorway, reader.patch(), reader.seen())?;
-        Ok(Engine::assemble(Parts { plan: self.clone(), reader, model: Arc::new(model), words }))
+        let words = Arc::new(Mutex::new(words));
+        Ok(Engine::assemble(Parts { plan: self.clone(), reader, model: Arc::new(model), words, calibration }))
     }
 }
 
@@ -188,7 +194,9 @@ pub(crate) struct Parts {
     pub(crate) plan: Assembly,
     pub(crate) reader: FrameReader,
     pub(crate) model: Arc<Model>,
-    words: String,
+    /// Shared with the store of the background: they change when the calibration follows a camera that moved.
+    words: Arc<Mutex<String>>,
+    calibration: Option<Calibration>,
 }
 
 impl Parts {
@@ -222,7 +230,37 @@ impl Parts {
     /// of a frame.
     pub(crate) fn store(&self, averaging: &str) -> Option<BackgroundStore> {
         let KeptBackground { file, settings } = self.plan.kept.clone()?;
-        let (words, averaging) = (self.words.clone(), averaging.to_owned());
-        Some(BackgroundStore::new(file, move || format!("{words}; {}; {averaging}", settings())))
+        let (words, averaging) = (Arc::clone(&self.words), averaging.to_owned());
+        Some(BackgroundStore::new(file, move || {
+            let words = words.lock().unwrap_or_else(PoisonError::into_inner);
+            format!("{words}; {}; {averaging}", settings())
+        }))
+    }
+
+    /// What watches whether the camera moves; none for recordings of rectified patches. The reference picture is kept
+    /// beside the background.
+    pub(crate) fn alignment(&self) -> Option<Alignment> {
+        let work = match self.plan.background {
+            BackgroundPlan::Given => Work::InPlace,
+            BackgroundPlan::Rolling(work) => work,
+        };
+        let store = self.plan.kept.as_ref().map(|kept| (kept.file.with_file_name("reference.bin"), work));
+        let patch = self.reader.patch();
+        Alignment::new(self.calibration.as_ref()?, &patch, self.plan.settings.follow_px, store)
+    }
+
+    /// A reader for the same camera with another calibration; `None` if it does not show all that it should.
+    pub(crate) fn reader_for(&self, calibration: &Calibration) -> Option<FrameReader> {
+        let reader = FrameReader::for_calibration(&self.plan.settings, calibration).ok()?;
+        let unseen = |now: &[bool], counted: &[bool]| counted.iter().zip(now).any(|(&counted, &seen)| counted && !seen);
+        let seen = reader.seen()?;
+        let lost = seen.iter().zip(&self.model.counted).any(|(now, counted)| unseen(now, counted));
+        (!lost).then_some(reader)
+    }
+
+    /// Builds engines for another calibration and reader from now on.
+    pub(crate) fn follow(&mut self, calibration: Calibration, reader: FrameReader) {
+        *self.words.lock().unwrap_or_else(PoisonError::into_inner) = format!("{calibration:?}");
+        (self.calibration, self.reader) = (Some(calibration), reader);
     }
 }

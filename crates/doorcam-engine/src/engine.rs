@@ -3,6 +3,7 @@ use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
 
+use crate::alignment::Alignment;
 use crate::assembly::{BackgroundPlan, Parts};
 use crate::background::{FrameLight, Job, Keeper, KeeperError, Spaced, Work};
 use crate::people::{People, Threshold};
@@ -10,10 +11,12 @@ use crate::validity::Validity;
 use crate::visible_side::VisibleSide;
 use crate::{FrameReader, ReadTimes, Reconstruction, Reconstructor, State, Timing, Update, ViewReport, ViewState};
 use crate::{Published, Watched};
+use doorcam_core::alignment::Overview;
+use doorcam_core::calibration::Calibration;
 use doorcam_core::light::{Averager, PatchPair};
 use doorcam_core::scene::Brightness;
 use doorcam_core::solver::{Audit, ModelKind};
-use doorcam_core::tracking::{Detection, Zone};
+use doorcam_core::tracking::{Detection, TrackState, Zone};
 use doorcam_source::{Purpose, RawFrame, SkippedFrame};
 
 /// Turns frames into updates, from encoded images to tracks. The same code runs online and offline.
@@ -35,6 +38,10 @@ pub struct Engine {
     /// The recording's frames of the empty room.
     given: Spaced,
     pair: PatchPair,
+    /// `None` if the frames are rectified patches.
+    alignment: Option<Alignment>,
+    /// A calibration that followed the camera, until it is taken.
+    followed: Option<Calibration>,
     sequence: u64,
     /// Set by the first map. From then on frames of the empty room are reconstructed instead of learned from, so that a
     /// looped recording shows them as empty.
@@ -90,6 +97,8 @@ impl Engine {
             people,
             _bodies: bodies,
             keeper,
+            alignment: parts.alignment(),
+            followed: None,
             parts,
         }
     }
@@ -136,6 +145,7 @@ impl Engine {
             self.reconstructor.restore_background(broken.reconstructor.take_background());
         }
         self.watching = broken.watching;
+        (self.alignment, self.followed) = (broken.alignment.take(), broken.followed.take());
         self.continue_from(broken);
     }
 
@@ -180,13 +190,16 @@ impl Engine {
     pub fn step(&mut self, frame: &RawFrame, time: Timestamp) -> Result<Published, StepError> {
         let start = Instant::now();
         self.parts.plan.meet(frame);
+        let off = self.look_around(frame, time);
         let overview = self.visible.as_mut().ok().and_then(|visible| visible.due(frame.seconds));
         let looked = overview.is_some();
         let read = self.reader.read_with(frame, &mut self.pair, overview)?;
         let model = self.reconstructor.model().clone();
-        let view = self.look(frame, looked);
+        let view = self.judge_view(frame, looked);
         let (pair, excess) = self.averager.push(&self.pair, frame.seconds);
-        let map = if !self.watching && is_given(frame.purpose, self.keeper.is_some()) {
+        let map = if off {
+            None
+        } else if !self.watching && is_given(frame.purpose, self.keeper.is_some()) {
             if frame.purpose == Purpose::Background {
                 self.given.offer(pair, frame.seconds, &mut self.reconstructor);
             }
@@ -238,17 +251,61 @@ impl Engine {
         if [view.left, view.right].iter().any(|view| view.state == ViewState::Blocked) {
             update.facets.clear();
         }
+        if off {
+            update.state = State::Misaligned;
+        }
         let detections = self.follow(frame.seconds, looked, &mut update);
+        let reference = self.tell_alignment(frame.purpose, &mut update);
         update.timing_ms.total = ms(start.elapsed());
         self.sequence += 1;
         let difference = scene.is_some().then(|| self.reconstructor.difference().clone());
         let sensing = scene.is_some().then(|| self.reconstructor.sensing().cloned()).flatten();
         let patches = Some(self.pair.clone());
-        Ok(Published { patches, detections, sensing, ..Published::new(update, scene, difference) })
+        Ok(Published { patches, detections, sensing, reference, ..Published::new(update, scene, difference) })
+    }
+
+    /// Looks whether the camera has moved, and follows it if it may. Returns whether a map would be wrong.
+    fn look_around(&mut self, frame: &RawFrame, time: Timestamp) -> bool {
+        let Some(alignment) = &mut self.alignment else { return false };
+        if let Some(followed) = alignment.look(frame, time) {
+            match self.parts.reader_for(&followed.calibration) {
+                Some(mut reader) => {
+                    reader.continue_from(&self.reader);
+                    self.reader = reader.clone();
+                    self.parts.follow(followed.calibration.clone(), reader);
+                    self.averager.restart();
+                    self.visible = self.parts.visible_side();
+                    alignment.use_followed(&followed);
+                    self.followed = Some(followed.calibration);
+                }
+                None => alignment.refuse(&followed),
+            }
+        }
+        alignment.is_off()
+    }
+
+    /// Tells the watch over the camera what came of the frame, and the update how the camera has moved.
+    fn tell_alignment(&mut self, purpose: Purpose, update: &mut Update) -> Option<Arc<Overview>> {
+        let alignment = self.alignment.as_mut()?;
+        let empty = update.state == State::Watching && update.facets.is_empty() && update.tracks.is_empty();
+        let newcomer = update.tracks.iter().any(|track| track.state == TrackState::Tentative);
+        alignment.room_is(purpose, empty, newcomer);
+        update.camera_moved = alignment.moved();
+        alignment.reference()
+    }
+
+    /// The calibration that has followed the camera since this was last asked; none if it has not moved.
+    pub fn take_followed(&mut self) -> Option<Calibration> {
+        self.followed.take()
+    }
+
+    /// Sets the calibration's revision, which updates carry.
+    pub fn revise(&mut self, revision: u32) {
+        self.parts.plan = self.parts.plan.clone().of_calibration(revision);
     }
 
     /// Looks at the camera's own side, and judges which pixels of the patches can be used.
-    fn look(&mut self, frame: &RawFrame, looked: bool) -> ViewReport {
+    fn judge_view(&mut self, frame: &RawFrame, looked: bool) -> ViewReport {
         let learning = !self.watching && is_given(frame.purpose, self.keeper.is_some());
         self.validity.restart();
         // The published method compares pictures as they are.

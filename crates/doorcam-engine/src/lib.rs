@@ -79,6 +79,7 @@
 // Input from users, files or devices must never cause a panic.
 #![warn(clippy::unwrap_used, clippy::expect_used)]
 
+mod alignment;
 mod assembly;
 mod background;
 mod bench;
@@ -87,6 +88,7 @@ pub mod evaluation;
 #[cfg(feature = "figures")]
 pub mod figures;
 mod model;
+mod overview;
 mod people;
 mod problem;
 mod published_iteration;
@@ -102,6 +104,7 @@ mod update;
 mod validity;
 mod visible_side;
 
+pub use alignment::CameraMoved;
 pub use assembly::Assembly;
 pub use background::Work;
 pub use bench::{BENCH_FRAMES, BenchError, BenchReport, Median, Quantiles, bench};

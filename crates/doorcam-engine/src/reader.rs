@@ -92,6 +92,11 @@ impl FrameReader {
         }
     }
 
+    /// Goes on counting where another reader stopped.
+    pub(crate) fn continue_from(&mut self, before: &Self) {
+        self.without_end = before.without_end;
+    }
+
     /// Number of frames whose JPEGs are whole but lack their end markers. They are used.
     pub fn without_end(&self) -> u64 {
         self.without_end

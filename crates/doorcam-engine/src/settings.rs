@@ -45,6 +45,8 @@ pub struct Settings {
     pub lens: Option<Lens>,
     /// Transfer function of cameras whose calibration has none.
     pub transfer: Transfer,
+    /// How far a camera may move, in pixels, for the calibration to follow it; 0 for never.
+    pub follow_px: f64,
 }
 
 /// How images become light on the patches.
@@ -150,6 +152,7 @@ impl Default for Settings {
             crossings: true,
             lens: None,
             transfer: Transfer::Srgb,
+            follow_px: 10.0,
         }
     }
 }

@@ -4,7 +4,8 @@ use std::time::Instant;
 use jiff::Timestamp;
 use serde::Serialize;
 
-use crate::{Model, Reconstruction};
+use crate::{CameraMoved, Model, Reconstruction};
+use doorcam_core::alignment::Overview;
 use doorcam_core::light::{PatchPair, Sensing};
 use doorcam_core::scene::{Rgb, Scene};
 #[cfg(feature = "schema")]
@@ -126,6 +127,9 @@ pub struct Update {
     /// The state of the background if it is followed over time; left out if it is fixed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub background: Option<BackgroundReport>,
+    /// How the camera has moved since it was calibrated; left out if it has not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera_moved: Option<CameraMoved>,
     /// The facets that changed.
     pub facets: Vec<FacetReport>,
     /// People; empty while the room is learned.
@@ -267,6 +271,7 @@ impl Update {
             illumination: Illumination::default(),
             gain: None,
             background: None,
+            camera_moved: None,
             facets: Vec::new(),
             tracks: Vec::new(),
             events: Vec::new(),
@@ -341,6 +346,8 @@ pub struct Published {
     pub detections: Vec<Detection>,
     /// What the pixels can measure; none while learning, and with the published model.
     pub sensing: Option<Arc<Sensing>>,
+    /// The picture of the empty room that tells whether the camera has moved; none before it is taken.
+    pub reference: Option<Arc<Overview>>,
     /// When it was published.
     pub at: Instant,
 }
@@ -358,6 +365,7 @@ impl Published {
             patches: None,
             detections: Vec::new(),
             sensing: None,
+            reference: None,
             at: Instant::now(),
         }
     }

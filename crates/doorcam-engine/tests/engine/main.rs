@@ -9,5 +9,6 @@ mod background;
 mod background_saved;
 mod light_change;
 mod model;
+mod moved;
 mod never_blind;
 mod rendered_floor;
