@@ -6,18 +6,23 @@ use axum::Json;
 use axum::body::Bytes;
 use axum::extract::State;
 use axum::extract::rejection::BytesRejection;
-use axum::http::HeaderMap;
+use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 
 use super::Shared;
 use super::answers::{
-    Busy, Conflicting, Failed, IF_MATCH, Malformed, SETUP, Stale, TooLarge, UNCHANGED, Unfit, Unknown,
+    Busy, Conflicting, Failed, IF_MATCH, Malformed, NotYet, PICTURES, Picture, SETUP, Stale, TooLarge, UNCHANGED,
+    Unfit, Unknown,
 };
 use super::jobs::Kind;
 use super::problem::ProblemDetails;
 use super::tag;
 use crate::watch::{CalibrationRefused, CalibrationReport, Calibrator, Precondition};
 use doorcam_core::calibration::{Calibration, Check};
+use doorcam_source::image::encode_jpeg;
+
+/// JPEG quality of the reference picture.
+const QUALITY: u8 = 90;
 
 /// The calibration in use, how good it is, and whether it can be changed.
 #[utoipa::path(
@@ -88,6 +93,27 @@ pub(super) async fn put(
 pub(super) async fn previous(State(shared): State<Shared>, asked: HeaderMap) -> Response {
     let restored = shared.calibrator.restore(only_if(&asked)).await;
     changed(shared, restored).await
+}
+
+/// The picture of the empty room, small and grey, by which doorcam notices that the camera has moved. 404 before it is
+/// taken.
+#[utoipa::path(
+    get, path = "/calibration/reference.jpg", tag = PICTURES,
+    responses(
+        (status = 200, description = "A JPEG", content((Picture = "image/jpeg"))),
+        (status = 404, response = NotYet), (status = 500, response = Failed), (status = 503, response = Busy),
+    )
+)]
+pub(super) async fn reference(State(shared): State<Shared>) -> Response {
+    let Some(picture) = shared.hub.latest().and_then(|latest| latest.reference.clone()) else {
+        return ProblemDetails::not_found("there is no picture of the empty room yet").into_response();
+    };
+    let encoded = shared.jobs.run(Kind::Drawing, move || encode_jpeg(&picture.image(), QUALITY)).await;
+    match encoded {
+        Ok(Ok(bytes)) => ([(header::CONTENT_TYPE, "image/jpeg")], bytes).into_response(),
+        Ok(Err(e)) => ProblemDetails::internal(&e.to_string()).into_response(),
+        Err(problem) => problem.into_response(),
+    }
 }
 
 /// The condition that a request's If-Match sets.

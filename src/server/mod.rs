@@ -230,6 +230,7 @@ fn described() -> OpenApiRouter<Shared> {
         .routes(routes!(calibration::get, calibration::put))
         .routes(routes!(calibration::check))
         .routes(routes!(calibration::previous))
+        .routes(routes!(calibration::reference))
         .routes(routes!(frame::frame))
         .routes(routes!(stream::stream))
         .routes(routes!(api::reset_background))

@@ -54,6 +54,8 @@ struct State {
 struct Waiting {
     change: Option<(Change, Answer)>,
     settings: Option<(Box<Settings>, Answer)>,
+    /// A calibration that has followed the camera by itself, and the revision that it replaces.
+    followed: Option<(u32, Calibration)>,
     closed: bool,
 }
 
@@ -144,6 +146,12 @@ impl Calibrator {
             let shared = Arc::clone(&shared);
             move || shared.build()
         })?;
+        let follower = Arc::downgrade(&shared);
+        shared.hub.on_followed(move |revision, calibration| {
+            if let Some(shared) = follower.upgrade() {
+                shared.hand_over(|waiting| waiting.followed = Some((revision, calibration)));
+            }
+        });
         Ok(Self { shared })
     }
 
@@ -224,15 +232,23 @@ impl Shared {
 
     /// The builder: makes one change after the other until the calibrator is dropped.
     fn build(&self) {
-        let idle = |waiting: &mut Waiting| waiting.change.is_none() && waiting.settings.is_none() && !waiting.closed;
+        let idle = |waiting: &mut Waiting| {
+            let nothing = waiting.change.is_none() && waiting.settings.is_none() && waiting.followed.is_none();
+            nothing && !waiting.closed
+        };
         loop {
             let waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
             let mut waiting = self.changed.wait_while(waiting, idle).unwrap_or_else(PoisonError::into_inner);
-            let (settings, change) = (waiting.settings.take(), waiting.change.take());
+            let (settings, change, followed) =
+                (waiting.settings.take(), waiting.change.take(), waiting.followed.take());
             if waiting.closed {
                 return;
             }
             drop(waiting);
+            if let Some((revision, calibration)) = followed {
+                // A panic, which is reported when it happens, costs this change only.
+                let _ = catch_unwind(AssertUnwindSafe(|| self.follow(revision, &calibration)));
+            }
             if let Some((settings, answer)) = settings {
                 self.answer(answer, || self.use_settings(*settings));
             }
@@ -262,6 +278,27 @@ impl Shared {
         let engine = self.engine(&assembly, &calibration, revision)?;
         store.save(&calibration)?;
         self.go_on_with(assembly, Some(calibration), Some(engine))
+    }
+
+    /// Keeps a calibration that has followed the camera, and the one before as the previous one. The engine uses it
+    /// already.
+    fn follow(&self, replaced: u32, followed: &Calibration) {
+        let calibration = {
+            let mut state = self.state();
+            // Another one may have come meanwhile.
+            let Some(before) = state.calibration.as_ref().filter(|_| state.revision == replaced) else { return };
+            // The engine's has the configuration's lens, where it has none of its own.
+            let calibration = Calibration { floor_points: followed.floor_points.clone(), ..before.clone() };
+            state.calibration = Some(calibration.clone());
+            state.revision += 1;
+            self.control.tell(Command::Revise(state.revision));
+            calibration
+        };
+        if let Keeping::File(store) = &self.keeping
+            && let Err(e) = store.save(&calibration)
+        {
+            tracing::warn!("{e}: the calibration that has followed the camera is kept for this run only");
+        }
     }
 
     fn use_settings(&self, settings: Settings) -> Result<(), CalibrationRefused> {

@@ -16,6 +16,7 @@ use crate::watch::status::{Frames, LastUpdate, Rates, SourceStatus, Status};
 use crate::watch::tap::Tap;
 use crate::watch::watching::{Observed, Watching};
 use crate::watch::{CrossingsReport, TrackHistory, ZoneIds};
+use doorcam_core::calibration::Calibration;
 use doorcam_core::tracking::{Event, TrackState, Zone};
 use doorcam_engine::{Published, State, Update, Watched};
 use doorcam_source::recorder::RecordingStatus;
@@ -58,7 +59,18 @@ pub struct Hub {
     counters: Mutex<Counters>,
     tap: Tap,
     meters: Meters,
+    followers: Mutex<Followers>,
     started: Instant,
+}
+
+/// Called with a calibration that has followed the camera and the revision that it replaces, on the solver thread.
+type Follower = Box<dyn Fn(u32, Calibration) + Send + Sync>;
+
+/// Who keeps a calibration that has followed the camera, and what was not told yet because there was nobody.
+#[derive(Default)]
+struct Followers {
+    keeper: Option<Follower>,
+    waiting: Option<(u32, Calibration)>,
 }
 
 #[derive(Default)]
@@ -109,6 +121,7 @@ impl Hub {
             counters: Mutex::new(counters),
             tap: Tap::default(),
             meters: Meters::new(),
+            followers: Mutex::default(),
             started,
         }
     }
@@ -130,6 +143,22 @@ impl Hub {
     pub fn telling(mut self, listener: impl Fn(&Update) + Send + Sync + 'static) -> Self {
         self.listeners.push(Box::new(listener));
         self
+    }
+
+    /// Calls `keeper` with each calibration that has followed the camera and the revision that it replaces; it must
+    /// return at once.
+    pub(super) fn on_followed(&self, keeper: impl Fn(u32, Calibration) + Send + Sync + 'static) {
+        let mut followers = lock(&self.followers);
+        followers.waiting.take().into_iter().for_each(|(revision, calibration)| keeper(revision, calibration));
+        followers.keeper = Some(Box::new(keeper));
+    }
+
+    pub(super) fn followed(&self, revision: u32, calibration: Calibration) {
+        let mut followers = lock(&self.followers);
+        match &followers.keeper {
+            Some(keeper) => keeper(revision, calibration),
+            None => followers.waiting = Some((revision, calibration)),
+        }
     }
 
     /// The zones in use, each with its id.
@@ -313,6 +342,7 @@ impl Hub {
             frames: counters.frames.clone(),
             rate_hz: Rates { captured: counters.captured.hz(now), solved: counters.solved.hz(now) },
             background: last.as_ref().and_then(|p| p.update.background),
+            camera_moved: last.as_ref().and_then(|p| p.update.camera_moved),
             last_update: last.map(|p| LastUpdate { sequence: p.update.sequence, age_s: p.at.elapsed().as_secs_f64() }),
             recording: self.recording(),
             clients,

@@ -1,5 +1,8 @@
 //! The metrics served at `/metrics` for Prometheus.
 
+use std::sync::{Mutex, PoisonError};
+
+use jiff::Timestamp;
 use metrics::{
     Counter, Gauge, Histogram, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram,
 };
@@ -23,6 +26,10 @@ pub(super) struct Meters {
     crossings: [(Direction, Counter); 3],
     /// Share of each patch that is used, left and right.
     used: [Gauge; 2],
+    shift: Gauge,
+    moved: Counter,
+    /// When the last motion of the camera was noticed that has been counted.
+    counted: Mutex<Option<Timestamp>>,
 }
 
 const SOURCE_STATES: [(SourceState, &str); 7] = [
@@ -55,6 +62,11 @@ impl Meters {
         describe_gauge!("doorcam_solution_gap", "Relative gap between the newest map's objective and its lower bound");
         describe_counter!("doorcam_crossings_total", "People who walked through the doorway since the start");
         describe_gauge!("doorcam_view_used", "Share of each patch's pixels that show the floor and are used");
+        describe_gauge!(
+            "doorcam_camera_shift_px",
+            "How far the camera has moved from the calibration in use, in pixels; 0 if it has not"
+        );
+        describe_counter!("doorcam_camera_moved_total", "How often the camera was noticed to have moved");
         describe_gauge!("doorcam_clients", "Clients of the live socket");
         let meters = Self {
             captured: counter!("doorcam_frames_captured_total"),
@@ -73,6 +85,20 @@ impl Meters {
         // A counter that has never been incremented should be reported as 0, not be absent.
         let frames = [&meters.captured, &meters.solved, &meters.dropped, &meters.lost, &meters.skipped, &meters.failed];
         for counter in frames.into_iter().chain(meters.crossings.iter().map(|(_, counter)| counter)) {
+            shift: gauge!("doorcam_camera_shift_px"),
+            moved: counter!("doorcam_camera_moved_total"),
+            counted: Mutex::default(),
+        };
+        // A counter that has never been incremented should be reported as 0, not be absent.
+        for counter in [
+            &meters.captured,
+            &meters.solved,
+            &meters.dropped,
+            &meters.lost,
+            &meters.skipped,
+            &meters.failed,
+            &meters.moved,
+        ] {
             counter.increment(0);
         }
         meters.source_is(SourceState::Opening);
@@ -99,6 +125,14 @@ impl Meters {
         let [left, right] = &self.used;
         left.set(update.view.left.used);
         right.set(update.view.right.used);
+        let moved = update.camera_moved;
+        self.shift.set(moved.filter(|moved| !moved.corrected).map_or(0.0, |moved| moved.shift_px.unwrap_or(f64::NAN)));
+        let mut counted = self.counted.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(moved) = moved.filter(|moved| Some(moved.since) != *counted) {
+            *counted = Some(moved.since);
+            self.moved.increment(1);
+        }
+        drop(counted);
         let SolutionReport { objective, bound, .. } = update.solution;
         self.gap.set(if objective > 0.0 { (objective - bound) / objective } else { 0.0 });
     }

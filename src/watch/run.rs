@@ -28,6 +28,8 @@ pub enum Command {
     ResetBackground,
     /// Counts people in these zones from now on.
     UseZones(Vec<Zone>),
+    /// The calibration that has followed the camera has this number.
+    Revise(u32),
     /// Stops after saving the background.
     End,
 }
@@ -290,6 +292,12 @@ impl Solver<'_> {
             match command {
                 Command::Use(_) => {}
                 Command::UseZones(zones) => self.engine.iter_mut().for_each(|engine| engine.use_zones(zones.clone())),
+                Command::Revise(revision) => {
+                    if let Some(engine) = &mut self.engine {
+                        engine.revise(revision);
+                        self.hub.watch(engine.watched());
+                    }
+                }
                 Command::ResetBackground => self.engine.iter_mut().for_each(Engine::reset_background),
                 Command::End => return Step::Over(Ok(())),
             }
@@ -314,6 +322,9 @@ impl Solver<'_> {
         let Some(engine) = &mut self.engine else { return Step::Idle };
         self.frame = Some(Arc::clone(&frame.name));
         let solved = engine.step(&frame, time);
+        if let Some(calibration) = engine.take_followed() {
+            self.hub.followed(engine.watched().calibration, calibration);
+        }
         if let Some(count) = self.unended.counted(engine.without_end_marker(), Instant::now()) {
             let name = &frame.name;
             tracing::warn!("{name}: JPEGs without their end marker: {count} more; all else is there, so they are used");

@@ -1,7 +1,7 @@
 //! The status: what the daemon tells of itself at one moment.
 
 use doorcam_core::solver::ModelKind;
-use doorcam_engine::{BackgroundReport, State};
+use doorcam_engine::{BackgroundReport, CameraMoved, State};
 use doorcam_source::recorder::RecordingStatus;
 use doorcam_source::{Granted, SourceState};
 use jiff::Timestamp;
@@ -70,6 +70,9 @@ pub struct Status {
     /// The background that the newest update is compared with; null before the first update and if it is fixed.
     #[schema(required)]
     pub background: Option<BackgroundReport>,
+    /// How the camera has moved since it was calibrated; null if it has not.
+    #[schema(required)]
+    pub camera_moved: Option<CameraMoved>,
     /// The newest update; null before the first.
     #[schema(required)]
     pub last_update: Option<LastUpdate>,

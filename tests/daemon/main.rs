@@ -27,6 +27,7 @@ mod history_lost;
 mod hostile;
 mod input;
 mod live;
+mod moved;
 mod mqtt;
 mod openapi;
 mod operations;

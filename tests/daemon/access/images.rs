@@ -5,7 +5,8 @@ use super::client::Guarded;
 #[test]
 fn pictures_of_the_visible_side_are_withheld_where_they_are_switched_off() {
     let doorcam = Guarded::configured("[access]\nimages = false\n", &[]);
-    for path in ["/api/v1/frame.jpg", "/api/v1/stream.mjpg", "/api/v1/patches.png"] {
+    for path in ["/api/v1/frame.jpg", "/api/v1/stream.mjpg", "/api/v1/patches.png", "/api/v1/calibration/reference.jpg"]
+    {
         let refused = doorcam.ask("GET", path, &[]);
         assert_eq!(refused.status, 403, "{path}");
         assert!(refused.problem()["detail"].as_str().unwrap().contains("access.images"));

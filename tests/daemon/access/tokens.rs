@@ -4,7 +4,7 @@ use super::client::{CONTROL, Guarded, READ, bearer, write_with_mode};
 use crate::common::{doorcam, grey_recording, manifest, stderr};
 
 /// The routes that read.
-const READS: [&str; 17] = [
+const READS: [&str; 18] = [
     "/metrics",
     "/api/v1/status",
     "/api/v1/geometry",
@@ -21,6 +21,7 @@ const READS: [&str; 17] = [
     "/api/v1/zones",
     "/api/v1/uncertainty",
     "/api/v1/calibration",
+    "/api/v1/calibration/reference.jpg",
     "/api/v1/frame.jpg",
 ];
 
