@@ -180,6 +180,10 @@ export const differenceUrl = (sequence) => new URL(`difference.png?sequence=${se
 /** @param {number} sequence */
 export const patchesUrl = (sequence) => new URL(`patches.png?sequence=${sequence}`, BASE).href;
 
+/** @param {string} since  keeps the browser from showing a cached picture */
+export const referenceUrl = (since) =>
+  new URL(`calibration/reference.jpg?since=${encodeURIComponent(since)}`, BASE).href;
+
 export function liveUrl() {
   const url = new URL("live", BASE);
   url.protocol = url.protocol === "https:" ? "wss:" : "ws:";

@@ -108,6 +108,17 @@
  */
 
 /**
+ * How the camera has moved since it was calibrated.
+ * @typedef {object} CameraMoved
+ * @property {number | null} dx_px  of the picture's middle, to the right; these are null if nothing is as it was
+ * @property {number | null} dy_px  down
+ * @property {number | null} rotation_deg  clockwise
+ * @property {number | null} shift_px  the farthest that any part of the patches has moved
+ * @property {string} since
+ * @property {boolean} corrected  the calibration has followed
+ */
+
+/**
  * @typedef {object} Status
  * @property {string} version
  * @property {WatchState} state
@@ -129,6 +140,7 @@
  * @property {{ mqtt: Broker | null, webhooks: Webhook[] }} publish  who is told of what happens
  * @property {RecordingStatus | null} recording  under way, or the last one
  * @property {boolean} calibrated  false: a camera of which nobody has said yet where the door is
+ * @property {CameraMoved | null} [camera_moved]  null if it has not
  * @property {number} calibration_revision  goes up with every saved calibration
  * @property {{ frames: number, age_s: number | null, progress: number | null } | null} background  progress: while it is learned
  */

@@ -81,24 +81,14 @@ impl Meters {
             gap: gauge!("doorcam_solution_gap"),
             crossings: Direction::ALL.map(|way| (way, counter!("doorcam_crossings_total", "direction" => way.name()))),
             used: ["left", "right"].map(|patch| gauge!("doorcam_view_used", "patch" => patch)),
-        };
-        // A counter that has never been incremented should be reported as 0, not be absent.
-        let frames = [&meters.captured, &meters.solved, &meters.dropped, &meters.lost, &meters.skipped, &meters.failed];
-        for counter in frames.into_iter().chain(meters.crossings.iter().map(|(_, counter)| counter)) {
             shift: gauge!("doorcam_camera_shift_px"),
             moved: counter!("doorcam_camera_moved_total"),
             counted: Mutex::default(),
         };
         // A counter that has never been incremented should be reported as 0, not be absent.
-        for counter in [
-            &meters.captured,
-            &meters.solved,
-            &meters.dropped,
-            &meters.lost,
-            &meters.skipped,
-            &meters.failed,
-            &meters.moved,
-        ] {
+        let Self { captured, solved, dropped, lost, skipped, failed, moved, .. } = &meters;
+        let frames = [captured, solved, dropped, lost, skipped, failed, moved];
+        for counter in frames.into_iter().chain(meters.crossings.iter().map(|(_, counter)| counter)) {
             counter.increment(0);
         }
         meters.source_is(SourceState::Opening);

@@ -199,6 +199,10 @@ export class Mock {
       response.setHeader("x-captured", this.stoppedAt ?? new Date().toISOString());
       return response.end(this.frame);
     }
+    if (name === "calibration/reference.jpg" && this.frame) {
+      response.setHeader("content-type", "image/png");
+      return response.end(this.frame);
+    }
     return problem(response);
   }
 

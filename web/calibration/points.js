@@ -1,4 +1,4 @@
-/** @import { Calibration, Doorway, Lens, Pixel, Point, Transfer } from "../types.js" */
+/** @import { Calibration, CameraMoved, Doorway, Lens, Pixel, Point, Transfer } from "../types.js" */
 
 /** @typedef {"left-corner" | "right-corner" | "left-mark" | "right-mark" | "free"} Role */
 
@@ -159,6 +159,20 @@ export class Draft {
       point.pixel = this.#inside([(u + 0.5) * across - 0.5, (v + 0.5) * down - 0.5]);
     }
     if (this.lens?.focal_px) this.lens = { ...this.lens, focal_px: round(this.lens.focal_px * across, 3) };
+  }
+
+  /**
+   * The camera has moved: puts the points where they should be seen now. What left the picture stays at its border.
+   * @param {CameraMoved} moved
+   */
+  follow({ dx_px, dy_px, rotation_deg }) {
+    const turn = ((rotation_deg ?? 0) * Math.PI) / 180;
+    const [middle, centre] = [(this.size[0] - 1) / 2, (this.size[1] - 1) / 2];
+    for (const point of this.points) {
+      const [x, y] = [point.pixel[0] - middle, point.pixel[1] - centre];
+      const turned = [Math.cos(turn) * x - Math.sin(turn) * y, Math.sin(turn) * x + Math.cos(turn) * y];
+      point.pixel = this.#inside([middle + (dx_px ?? 0) + turned[0], centre + (dy_px ?? 0) + turned[1]]);
+    }
   }
 
   /** @returns {Calibration} */

@@ -5,6 +5,7 @@ import { sourceWords } from "../source-words.js";
 import { CameraPicture } from "../camera/picture.js";
 import { Checker } from "./checker.js";
 import { Editor } from "./editor.js";
+import { MovedNotice, away } from "./moved.js";
 import { askToDrop } from "../drop.js";
 import { Draft } from "./points.js";
 import { whyNotSave } from "./words.js";
@@ -29,6 +30,11 @@ export class CalibrationView {
     this.changed = false;
     /** The camera gives another picture size than the calibration in use was made for. */
     this.rescaled = false;
+    /** The points were moved with the camera, which nobody has confirmed yet. */
+    this.proposed = false;
+    /** @type {string | null} When the motion was noticed that was proposed last. */
+    this.proposedFor = null;
+    this.moved = new MovedNotice();
     this.busy = false;
     /** Counts changes of the draft, so that an answer is known to be about this one. */
     this.revision = 0;
@@ -131,7 +137,11 @@ export class CalibrationView {
     const { calibration, size, check, editable } = fresh;
     const draft = calibration ? Draft.of(calibration, size) : size && editable ? new Draft(size) : null;
     this.rescaled = calibration !== null && size !== null && String(calibration.size) !== String(size);
-    const known = check && !this.rescaled ? { check } : null;
+    const moved = away(this.status);
+    this.proposed = moved !== null && draft !== null && calibration !== null && editable;
+    this.proposedFor = moved?.since ?? null;
+    if (moved && this.proposed) draft?.follow(moved);
+    const known = check && !this.rescaled && !this.proposed ? { check } : null;
     this.editor.open(draft, editable && size !== null, known);
     if (known) this.checkedRevision = this.revision;
     else if (draft && editable) this.checker.submit(draft.body(), this.revision);
@@ -225,7 +235,7 @@ export class CalibrationView {
       missing: draft?.missing() ?? null,
       outcome,
       current: this.checkedRevision === this.revision,
-      changed: this.changed || this.rescaled,
+      changed: this.changed || this.rescaled || this.proposed,
       busy: this.busy,
     });
     setUnavailable(byId("cal-save", HTMLButtonElement), why !== null);
@@ -241,6 +251,10 @@ export class CalibrationView {
     const words = document ? this.#noteWords(document) : null;
     note.hidden = words === null;
     setText(note, words ?? "");
+    const moved = away(status);
+    this.moved.show(moved);
+    // It moved while this was open: what nobody has changed yet is proposed anew.
+    if (status && document && !this.changed && !this.busy && (moved?.since ?? null) !== this.proposedFor) return this.#take(document);
     const notice = byId("cal-notice");
     const trouble = status && sourceWords(status.source).trouble;
     const old = camera.ageS !== null && camera.stale ? ` · picture ${duration(camera.ageS)} old` : "";
