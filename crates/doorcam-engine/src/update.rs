@@ -21,7 +21,8 @@ pub enum State {
     Learning,
     /// The map is current.
     Watching,
-    /// The light changed or a reset was requested; the background is being learned anew, and no other explains the frame.
+    /// The light changed or a reset was requested; the background is being learned anew, and no other one explains the
+    /// frame.
     Relearning,
     /// No new frame for some time: the map is outdated.
     Stale,

@@ -108,9 +108,9 @@ impl Covered {
                 let still_s = still_s + step_s;
                 (step_s / still_s.min(cover_s), still_s)
             };
-            for p in 0..3 {
+            for (p, now) in rgb.into_iter().enumerate() {
                 let value = &mut self.mean.plane_mut(p)[k];
-                *value += share * (rgb[p] - *value);
+                *value += share * (now - *value);
             }
             self.still_s[k] = still_s;
             self.ready += usize::from(still_s >= cover_s);

@@ -104,8 +104,9 @@ const UNEXPLAINED_S: f64 = 3.0;
 /// People leave less than this share of a strong change unexplained.
 const UNEXPLAINED: f64 = 0.25;
 /// Although the light seems to have changed, a frame is explained if facets leave at most this many `step`s to a gain,
-/// which does not disturb the map, and explain at least this share of the rest.
+/// which does not disturb the map, or this share of the change, and explain at least `EXPLAINED` of the rest.
 const EXPLAINED_GAIN: f64 = 2.0;
+const EXPLAINED_SHARE: f64 = 0.5;
 const EXPLAINED: f64 = 0.5;
 /// Of the change of the light, people leave at most this part to a gain, and lamps nearly all.
 const OF_PEOPLE: f64 = 0.7;
@@ -211,7 +212,8 @@ impl LightWatch {
     pub fn explained(&self, light: Light, reference: Light, found: &Reconstruction) -> Explained {
         let off = strongest(ratio(light, reference)).abs();
         let gain = found.gain.map_or(off, |gain| strongest(gain).abs());
-        if gain > EXPLAINED_GAIN * self.step || self.unexplained(found).is_some_and(|share| share > 1.0 - EXPLAINED) {
+        let gain_allowed = (EXPLAINED_GAIN * self.step).max(EXPLAINED_SHARE * off);
+        if gain > gain_allowed || self.unexplained(found).is_some_and(|share| share > 1.0 - EXPLAINED) {
             Explained::Not
         } else if gain > OF_PEOPLE * off {
             Explained::Shown
