@@ -77,7 +77,7 @@ enum Opened {
     Recording(Box<Recording>, ReplayOptions),
     Simulation(Box<Simulator>, LiveOptions),
     #[cfg(feature = "v4l2")]
-    Camera(Camera),
+    Camera(Box<Camera>),
 }
 
 #[cfg(feature = "v4l2")]
@@ -108,7 +108,7 @@ impl Feed {
                 // Holds the exposure that an earlier run locked, if any.
                 let controls = config.storage.directory().map(|directory| directory.join("controls.json"));
                 let locked = Arc::new(Locked::new(controls));
-                Opened::Camera(Camera { name: name.clone(), config: config.camera.clone(), locked })
+                Opened::Camera(Box::new(Camera { name: name.clone(), config: config.camera.clone(), locked }))
             }
         };
         Ok(Self { spec: spec.text.clone(), opened, every_frame: false })
@@ -198,7 +198,7 @@ impl Feed {
                 Box::new(LiveSimulation::new(Arc::from(simulator), options, SystemClock::default()))
             }
             #[cfg(feature = "v4l2")]
-            Opened::Camera(camera) => start_camera(camera, self.every_frame),
+            Opened::Camera(camera) => start_camera(*camera, self.every_frame),
         }
     }
 }

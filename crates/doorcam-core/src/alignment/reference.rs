@@ -33,7 +33,9 @@ impl Match {
     pub fn is_sure(&self) -> bool {
         let turned = self.motion.rotation.abs() * self.motion.centre_px[0] / 2.0;
         let far = self.motion.shift_px[0].hypot(self.motion.shift_px[1]) + turned;
-        self.support >= SUPPORT && self.sd_px <= SURE_PX + SURE_SHARE * far && self.rival <= RIVAL * self.support
+        // Where only some edges agree, those along one direction may do so anywhere along it.
+        let share = if self.support >= CLEAR { SURE_SHARE } else { 0.0 };
+        self.support >= SUPPORT && self.sd_px <= SURE_PX + share * far && self.rival <= RIVAL * self.support
     }
 }
 
@@ -51,9 +53,10 @@ const EDGE: f32 = 0.35;
 /// of the rest incomparable.
 const SUPPORT: f64 = 0.3;
 /// Standard deviation up to which a motion is believed, in pixels of the image, and so much more for each pixel of the
-/// motion: how the far parts of the picture grow is known less well then.
+/// motion, if this share of the cells agrees: how the far parts of the picture grow is known less well then.
 const SURE_PX: f64 = 0.5;
 const SURE_SHARE: f64 = 0.02;
+const CLEAR: f64 = 0.9;
 /// Share of the support that another motion may have: two that fit alike are both doubtful.
 const RIVAL: f64 = 0.8;
 /// Motions that differ by less than this are the same one, in pixels of the overview.

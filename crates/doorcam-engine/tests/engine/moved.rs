@@ -158,6 +158,25 @@ fn a_camera_that_looks_at_something_else_shows_no_map() {
     assert_eq!((moved.shift_px, moved.corrected), (None, false));
 }
 
+#[test]
+fn a_camera_that_stays_is_not_moved_by_whoever_walks_past() {
+    for name in ["D1", "D2", "D3", "D4", "D5", "D6"] {
+        let Some(path) = reference::data(&format!("rendered/{name}")) else { continue };
+        let recording = Recording::open(&path).unwrap();
+        let assembly = Assembly::new(settings()).without_people();
+        let mut engine = assembly.for_recording(&recording.manifest).unwrap();
+        let mut looked = false;
+        for entry in &recording.frames {
+            let frame = doorcam_source::load(&recording, entry).unwrap();
+            let published = engine.step(&frame, Timestamp::UNIX_EPOCH).unwrap();
+            assert_ne!(published.update.state, State::Misaligned, "{name}, frame {}", entry.index);
+            assert!(published.update.camera_moved.is_none(), "{name}, frame {}", entry.index);
+            looked |= published.reference.is_some();
+        }
+        assert!(looked, "{name}: there is a picture to compare with");
+    }
+}
+
 /// A frame whose picture is moved by whole pixels.
 fn shifted(frame: &RawFrame, [right, down]: [i64; 2]) -> RawFrame {
     let RawImages::Camera(bytes) = &frame.images else { panic!("a camera's frame") };
