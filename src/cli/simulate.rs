@@ -8,16 +8,18 @@ use super::progress;
 /// Render a simulated doorway into a recording with truth
 ///
 /// Lamps light a hidden room with people in it. Light that comes through the doorway falls on the floor, which a camera
-/// with noise, an exposure and JPEGs looks at. The places of all people are written to OUT/truth.json. The same seed
-/// gives the same files.
+/// with noise, an exposure and JPEGs looks at. The places of all people, and who goes through the doorway, are written to
+/// OUT/truth.json. The same seed gives the same files.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 SCENARIO is a name shown by --list, or a TOML file; config/scenarios has commented ones to start from, and
-docs/simulator.md describes every key.
+docs/simulator.md describes every key. Of walk-through, pass-by, bag and bump, each seed gives another one: another room,
+door, light, path and clothes.
 
 Examples:
   doorcam simulate --list
   doorcam simulate two-crossing walk
+  doorcam simulate walk-through in-and-out --seed 7
   doorcam simulate my-hall.toml hall --seed 7 --frames 300
   doorcam reconstruct walk --output pictures
   doorcam serve --source simulate:two-crossing          the same, live and without files")]
@@ -28,7 +30,7 @@ pub(super) struct Arguments {
     /// Directory to write to; must be empty or not exist yet
     #[arg(required_unless_present = "list")]
     out: Option<PathBuf>,
-    /// Seed of the noise
+    /// Seed of the noise, and of what varies in a scenario that varies
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Number of frames; after the scenario's end it begins again [default: one round of the scenario]

@@ -149,7 +149,10 @@ fn wrong_scenarios_are_one_line_that_names_file_and_key() {
     let out = dir.path().join("out");
     let out = out.to_str().unwrap();
     let unknown = failure(&["simulate", "two-crosing", out]);
-    assert!(unknown.contains("two-crosing: unknown scenario, expected busy-doorway, empty-room,"), "{unknown}");
+    assert!(
+        unknown.contains("two-crosing: unknown scenario, expected bag, bump, busy-doorway, empty-room,"),
+        "{unknown}"
+    );
     let file = quick(dir.path(), "share = 0.4", "share = 1.4");
     let said = failure(&["simulate", &file, out]);
     assert_eq!(said, format!("doorcam: {file}: visible.share is 1.4, expected a share from 0 to 0.99"));

@@ -130,10 +130,9 @@ fn check_visible_side(scenario: &Scenario) -> Result<(), String> {
     within("wall.grain_m", scenario.wall.grain_m, 0.0005, 0.1, "metres")?;
     let patches = scenario.camera.layout == Layout::Patches;
     if patches && (scenario.shows_people() || !scenario.camera.bump.is_empty()) {
-        return Err(
-            "camera.layout is \"patches\", expected \"camera\": patches show nobody on the visible side and no bump"
-                .into(),
-        );
+        return Err("camera.layout is \"patches\", expected \"camera\": patches show neither people \
+             on the visible side nor a bump"
+            .into());
     }
     Ok(())
 }
@@ -249,6 +248,40 @@ mod tests {
         assert_eq!(
             person("walk = [[0, 0, 1], [3, 0, 1]]\nrepeat_s = 2"),
             "person[0].repeat_s is 2, expected more than the walk's last time, 3 s"
+        );
+    }
+
+    #[test]
+    fn what_is_wrong_on_the_visible_side_is_named_too() {
+        let lamp = |rest: &str| error("share = 0.4\n", &format!("share = 0.4\n[[visible.lamp]]\n{rest}\n"));
+        assert_eq!(
+            lamp("at_m = [0, 0, 2]\nradius_m = 0.1\nshare = 0.5"),
+            "visible.lamp[0].at_m[1] is 0, expected metres on the visible side from -20 to -0.11"
+        );
+        assert_eq!(
+            lamp(&["at_m = [0, -2, 2]\nradius_m = 0.1\nshare = 0.7"; 2].join("\n[[visible.lamp]]\n")),
+            "the sum of visible.lamp's share is 1.4, expected a part from 0 to 1"
+        );
+        let bag = |rest: &str| error("[visible]", &format!("[[object]]\nalbedo = [0.1, 0.1, 0.1]\n{rest}\n[visible]"));
+        assert_eq!(
+            bag("at_m = [0.6, -0.3]\nfrom_s = 2\nuntil_s = 1"),
+            "object[0].until_s is 1, expected seconds, not before from_s, from 2 to 1000000000"
+        );
+        let bump = |bump: &str| error("[camera]", &format!("[camera]\nbump = {bump}"));
+        assert_eq!(
+            bump("[[1, 5, 0, 90]]"),
+            "camera.bump is [(1.0, 5.0, 0.0, 90.0)], expected [seconds, right, down, degrees] with rising times from 0 on, \
+             at most 1000 pixels and 45 degrees"
+        );
+        assert_eq!(
+            bump(&format!("[{}]", "[1, 0, 0, 0],".repeat(17))),
+            "camera.bump has 17 entries, expected at most 16"
+        );
+        let walker = "[[person]]\nclothes = [0.1, 0.1, 0.1]\nwalk = [[0, 0, -1], [1, 0, 1]]\n[visible]";
+        let patches = SMALLEST.replace("[visible]", walker).replace("[camera]", "[camera]\nlayout = \"patches\"");
+        assert_eq!(
+            Scenario::parse(&patches).unwrap_err(),
+            "camera.layout is \"patches\", expected \"camera\": patches show neither people on the visible side nor a bump"
         );
     }
 

@@ -13,8 +13,8 @@ const THRESHOLD_M: f64 = 0.15;
 
 /// Where a walk passes the hidden face of the wall in the doorway, or turns around before it, until a time in seconds.
 ///
-/// In and out are when y passes 0. Back is when y is largest, for somebody who comes from the visible side and leaves to
-/// it.
+/// In and out are when y passes 0. Back is when y is largest, for somebody who comes from the visible side and goes
+/// back to it.
 pub(super) fn crossings(walk: &Walk, doorway: &Doorway, until: f64) -> Vec<TrueCrossing> {
     let until = until.max(0.0);
     let step = STEP_S.max(until / MOST_STEPS);

@@ -29,8 +29,9 @@ mod walk;
 pub use live::{LiveOptions, LiveSimulation};
 pub use recording::{SimulationError, record_simulation};
 pub use scenario::{
-    CameraSpec, FlickerSpec, FloorSpec, FrameFormat, LampKind, LampSpec, ObjectSpec, PanelSpec, PersonSpec, RoomAlbedo,
-    RoomSpec, Scenario, ScenarioError, VisibleLampSpec, VisibleSpec, WallName, WallSpec,
+    CameraSpec, FlickerSpec, FloorSpec, FrameFormat, LampKind, LampSpec, PanelSpec, PersonSpec, RoomAlbedo, RoomSpec,
+    Scenario, ScenarioError, VisibleSpec, WallName,
 };
 pub use simulator::Simulator;
+pub use visible::{ObjectSpec, VisibleLampSpec, WallSpec};
 pub use walk::Walk;

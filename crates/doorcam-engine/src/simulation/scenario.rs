@@ -4,6 +4,7 @@ use rust_embed::Embed;
 use serde::Deserialize;
 
 use super::Walk;
+use super::visible::{ObjectSpec, VisibleLampSpec, WallSpec};
 use doorcam_core::geometry::Doorway;
 use doorcam_core::optics::Transfer;
 use doorcam_core::scene::Rgb;
@@ -195,42 +196,6 @@ pub struct VisibleSpec {
     pub lamp: Vec<VisibleLampSpec>,
 }
 
-/// `[[visible.lamp]]`: a lamp of the visible side, which throws shadows.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct VisibleLampSpec {
-    /// Its centre.
-    pub at_m: [f64; 3],
-    /// Its radius: determines how soft shadows are.
-    pub radius_m: f64,
-    /// Its part of the visible side's light on the floor beside the edges.
-    pub share: f64,
-}
-
-/// `[[object]]`: a bag that lies on the floor of the visible side.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ObjectSpec {
-    /// Its middle.
-    pub at_m: [f64; 2],
-    /// Its length.
-    #[serde(default = "usual_length")]
-    pub length_m: f64,
-    /// Its height and width.
-    #[serde(default = "usual_thickness")]
-    pub thickness_m: f64,
-    /// Angle of its length to the wall, in degrees.
-    #[serde(default)]
-    pub turn_deg: f64,
-    /// Its albedo.
-    pub albedo: Rgb,
-    /// When it is put there, in seconds.
-    pub from_s: f64,
-    /// When it is taken away; none if it stays.
-    #[serde(default)]
-    pub until_s: Option<f64>,
-}
-
 /// `[floor]`: what the camera looks at.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -246,24 +211,6 @@ pub struct FloorSpec {
 impl Default for FloorSpec {
     fn default() -> Self {
         Self { albedo: [0.6, 0.6, 0.6], speckle: 0.0, grain_m: 0.004 }
-    }
-}
-
-/// `[wall]`: the doorway's wall, seen from the visible side.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct WallSpec {
-    /// Mean albedo.
-    pub albedo: Rgb,
-    /// Standard deviation of its speckle, relative to the albedo.
-    pub speckle: f64,
-    /// Size of a speckle.
-    pub grain_m: f64,
-}
-
-impl Default for WallSpec {
-    fn default() -> Self {
-        Self { albedo: [0.52, 0.50, 0.47], speckle: 0.0, grain_m: 0.01 }
     }
 }
 
@@ -368,12 +315,6 @@ fn usual_size() -> [usize; 2] {
 }
 fn usual_fov() -> f64 {
     0.3
-}
-fn usual_length() -> f64 {
-    0.4
-}
-fn usual_thickness() -> f64 {
-    0.22
 }
 fn usual_level() -> f64 {
     0.45
@@ -519,61 +460,5 @@ field_of_view_deg = 60
 "#;
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_scenario_that_comes_along_is_valid_and_begins_and_ends_with_nobody() {
-        let names = Scenario::names();
-        assert_eq!(names.len(), 13, "{names:?}");
-        for name in names {
-            let scenario = Scenario::load(&name).unwrap();
-            assert!(scenario.background_s >= 3.0, "{name}");
-            let end = scenario.duration_s - scenario.background_s;
-            for (k, person) in scenario.person.iter().enumerate() {
-                let walk = Scenario::walk(person);
-                for t in [0.0, end - 1.0 / scenario.fps] {
-                    let outside = |[x, y]: [f64; 2]| y < -1.5 || x.abs() > scenario.room.half_width_m + person.radius_m;
-                    assert!(walk.at(t).is_none_or(outside), "{name}: person {k} is in the room at {t} s");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn people_do_not_walk_through_each_other_or_the_doorways_wall() {
-        for name in Scenario::names() {
-            let scenario = Scenario::load(&name).unwrap();
-            let walks: Vec<_> = scenario.person.iter().map(|p| (p.radius_m, Scenario::walk(p))).collect();
-            for k in 0..scenario.frames().min(3000) {
-                let t = k as f64 / scenario.fps;
-                let there: Vec<_> = walks.iter().filter_map(|(r, walk)| Some((r, walk.at(t)?))).collect();
-                for (i, &(r, a)) in there.iter().enumerate() {
-                    let doorway = &scenario.doorway;
-                    let opening = a[0].abs() + 1.25 * r < doorway.half_width() || a[1] < -doorway.wall_thickness_m - r;
-                    assert!(a[1] > r + 0.25 || opening, "{name}: {a:?} at {t} s");
-                    assert!(a[1] < scenario.room.depth_m - r, "{name}: {a:?} at {t} s");
-                    for &(other, b) in &there[..i] {
-                        let apart = (a[0] - b[0]).hypot(a[1] - b[1]);
-                        let inside = a[0].abs().min(b[0].abs()) < scenario.room.half_width_m;
-                        assert!(!inside || apart > r + other + 0.05, "{name}: {apart} m apart at {t} s: {a:?} {b:?}");
-                    }
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn an_unknown_name_is_answered_with_the_known_ones() {
-        let error = Scenario::load("two-crosing").unwrap_err().to_string();
-        assert!(error.starts_with("two-crosing: unknown scenario, expected busy-doorway, "), "{error}");
-        let error = Scenario::load("no/such.toml").unwrap_err().to_string();
-        assert_eq!(error, "no/such.toml: no such file, expected a scenario (config/scenarios has some)");
-    }
-
-    #[test]
-    fn entries_are_in_force_from_their_time_on() {
-        let entries = [(2.0, 0.5), (4.0, 0.0)];
-        assert_eq!([-1.0, 1.9, 2.0, 3.9, 9.0].map(|t| in_force(&entries, t)), [1.0, 1.0, 0.5, 0.5, 0.0]);
-    }
-}
+#[path = "scenario_tests.rs"]
+mod tests;

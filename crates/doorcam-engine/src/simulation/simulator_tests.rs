@@ -1,5 +1,6 @@
 use super::super::scenario::SMALLEST;
 use super::*;
+use doorcam_core::tracking::Direction;
 use doorcam_source::image::ImageDecoder;
 
 fn simulator(edit: impl Fn(String) -> String, seed: u64) -> Simulator {
@@ -48,6 +49,76 @@ fn the_truth_has_people_from_the_end_of_the_empty_time_while_they_are_there() {
     assert_eq!(targets, [vec![0; 5], vec![1; 15]].concat());
     let target = simulator.truth(5).targets[0];
     assert_eq!((target.id, target.x_m, target.y_m, target.radius_m), (1, -0.5, 1.2, 0.2));
+}
+
+fn varied(name: &str, seed: u64) -> Simulator {
+    let mut scenario = Scenario::varied(name, seed).unwrap();
+    scenario.camera.size = [96, 54];
+    Simulator::new(scenario, seed).unwrap()
+}
+
+#[test]
+fn scenarios_that_vary_are_the_same_with_the_same_seed() {
+    for name in ["bag", "bump", "pass-by", "walk-through"] {
+        let (first, again, other) = (varied(name, 3), varied(name, 3), varied(name, 4));
+        for number in [0, 60, 75] {
+            assert_eq!(bytes(&first.frame(number).unwrap()), bytes(&again.frame(number).unwrap()), "{name}");
+            assert_ne!(bytes(&first.frame(number).unwrap()), bytes(&other.frame(number).unwrap()), "{name}");
+        }
+        assert_eq!((first.truth(75), first.true_crossings()), (again.truth(75), again.true_crossings()));
+        assert_eq!(first.true_crossings().is_empty(), name != "walk-through", "{name}");
+    }
+}
+
+/// Who crosses in is in the truth from the next frame on, who crosses out until the frame before.
+#[test]
+fn the_truth_has_somebody_between_their_crossings_and_while_they_are_in_the_room() {
+    let mut directions = Vec::new();
+    for seed in 1..=20 {
+        let simulator = varied("walk-through", seed);
+        let people = |t: f64| {
+            let frame = simulator.truth((t * 10.0) as u64);
+            frame.targets.iter().filter(|target| target.id == 1).count()
+        };
+        let crossings = simulator.true_crossings();
+        assert!(!crossings.is_empty(), "seed {seed}");
+        for crossing in &crossings {
+            let around = [people(crossing.t), people(crossing.t + 0.1)];
+            let expected = match crossing.direction {
+                Direction::In => [0, 1],
+                Direction::Out => [1, 0],
+                Direction::Back => [0, 0],
+            };
+            assert_eq!(around, expected, "seed {seed}: {crossing:?}");
+            directions.push(crossing.direction);
+        }
+        assert!((0..130).all(|k| simulator.truth(k).targets.iter().all(|target| target.y_m >= 0.0)), "seed {seed}");
+    }
+    for direction in [Direction::In, Direction::Out, Direction::Back] {
+        assert!(directions.contains(&direction), "{direction:?} in {directions:?}");
+    }
+}
+
+/// A recording of two rounds tells the crossings and bumps of both.
+#[test]
+fn a_recording_tells_crossings_and_bumps_of_each_round() {
+    let walker = |text: String| {
+        let walk = "walk = [[0, 0, -2], [1.0, 0, -0.5], [2.9, 0, 1.4]]";
+        let person = &format!("[[person]]\nclothes = [0.6, 0.1, 0.1]\n{walk}\n[visible]");
+        let camera = "[camera]\nsize = [64, 36]\nbump = [[2, 3, 0, 0.5]]";
+        text.replace("[visible]", person).replace("[camera]", camera)
+    };
+    let simulator = simulator(walker, 1);
+    let dir = tempfile::tempdir().unwrap();
+    crate::simulation::record_simulation(&simulator, dir.path(), 34, || ()).unwrap();
+    let truth = doorcam_source::truth::Truth::of_recording(dir.path()).unwrap().unwrap();
+    let [first, second] = truth.crossings[..] else { panic!("{:?}", truth.crossings) };
+    assert_eq!((first.direction, second.direction), (Direction::In, Direction::In));
+    assert!((2.0..3.0).contains(&first.t) && (second.t - first.t - 4.0).abs() < 1e-9, "{first:?} {second:?}");
+    let text = std::fs::read_to_string(dir.path().join("truth.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let bump = |t: f64| serde_json::json!({"t": t, "shift_px": [3.0, 0.0], "turn_deg": 0.5});
+    assert_eq!(json["bumps"], serde_json::json!([bump(3.0)]), "the second round's has not come yet");
 }
 
 /// The light on the floor beside the edges, as decoded from a noiseless picture.

@@ -2,7 +2,8 @@ use rayon::prelude::*;
 
 use super::floor::{FloorMap, Tap};
 use super::room::Vector;
-use super::scenario::{CameraSpec, FloorSpec, WallSpec};
+use super::scenario::{CameraSpec, FloorSpec};
+use super::visible::WallSpec;
 use doorcam_core::geometry::{Doorway, Point, Side};
 use doorcam_core::optics::FloorPoint;
 use doorcam_core::scene::Rgb;

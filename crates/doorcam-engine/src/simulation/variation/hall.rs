@@ -1,5 +1,6 @@
 use super::draw::Draw;
-use crate::simulation::scenario::{LampKind, LampSpec, PanelSpec, Scenario, VisibleLampSpec, WallName};
+use crate::simulation::scenario::{LampKind, LampSpec, PanelSpec, Scenario, WallName};
+use crate::simulation::visible::VisibleLampSpec;
 use doorcam_core::scene::Rgb;
 
 /// Varies door, room, light, floor, wall and camera; says in words what light it is.

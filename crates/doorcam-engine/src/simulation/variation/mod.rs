@@ -11,9 +11,11 @@ use paths::{Path, Room};
 /// Seconds before the end of a round by which everybody has left.
 const GONE_S: f64 = 0.2;
 
+/// Changes a scenario.
+type Vary = fn(&mut Scenario, &mut Draw);
+
 /// The scenarios that vary.
-const VARIED: [(&str, fn(&mut Scenario, &mut Draw)); 4] =
-    [("bag", bag), ("bump", bump), ("pass-by", pass_by), ("walk-through", walk_through)];
+const VARIED: [(&str, Vary); 4] = [("bag", bag), ("bump", bump), ("pass-by", pass_by), ("walk-through", walk_through)];
 
 /// Changes a scenario of that name as its seed says; those that do not vary remain as they are.
 pub(super) fn vary(scenario: &mut Scenario, name: &str, seed: u64) {
@@ -122,7 +124,8 @@ fn bump(scenario: &mut Scenario, draw: &mut Draw) {
     let shift = if shifts { 2.0 * 20.0_f64.powf(draw.between(0.0, 1.0)) } else { 0.0 };
     let direction = draw.between(0.0, std::f64::consts::TAU);
     let turn = if turns { draw.sign() * draw.between(0.5, 3.0) } else { 0.0 };
-    scenario.camera.bump = vec![(at, shift * direction.cos(), shift * direction.sin(), turn)];
+    let [right, down] = if shifts { [shift * direction.cos(), shift * direction.sin()] } else { [0.0; 2] };
+    scenario.camera.bump = vec![(at, right, down, turn)];
     scenario.description = format!("the camera is bumped by {shift:.1} pixels and {turn:.1} degrees");
     scenario.person.clear();
     if draw.chance(0.5) {

@@ -21,7 +21,9 @@ proptest! {
     #![proptest_config(crate::testing::cases(128))]
     /// Compared with marching along the ray.
     #[test]
-    fn a_ray_meets_a_capsule_where_marching_along_it_enters(from in place(), to in place(), radius in 0.05..0.3f64, aim in place()) {
+    fn a_ray_meets_a_capsule_where_marching_along_it_enters(
+        from in place(), to in place(), radius in 0.05..0.3f64, aim in place(),
+    ) {
         let capsule = Capsule { from, to, radius };
         let eye = [0.3, -2.5, 2.4];
         let ray = sub(aim, eye);
@@ -42,9 +44,12 @@ proptest! {
     }
 
     #[test]
-    fn the_nearest_points_of_two_lines_are_nearer_than_any_others(a in place(), b in place(), c in place(), d in place()) {
+    fn the_nearest_points_of_two_lines_are_nearer_than_any_others(
+        a in place(), b in place(), c in place(), d in place(),
+    ) {
         let [share, distance] = nearest(a, b, c, d);
-        let tried = (0..=200).map(|k| apart(along(a, f64::from(k) / 200.0, sub(b, a)), c, d)).fold(f64::INFINITY, f64::min);
+        let others = (0..=200).map(|k| apart(along(a, f64::from(k) / 200.0, sub(b, a)), c, d));
+        let tried = others.fold(f64::INFINITY, f64::min);
         prop_assert!(distance <= tried + 1e-9 && tried <= distance + 0.02, "{distance} {tried}");
         prop_assert!((apart(along(a, share, sub(b, a)), c, d) - distance).abs() < 0.01);
     }

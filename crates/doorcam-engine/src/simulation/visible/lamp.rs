@@ -1,6 +1,6 @@
 use super::super::lamp::below;
 use super::super::room::Vector;
-use super::super::scenario::VisibleLampSpec;
+use super::VisibleLampSpec;
 use doorcam_core::geometry::{Doorway, Point};
 
 /// Least half width of a beam of light where an edge cuts it, in metres.

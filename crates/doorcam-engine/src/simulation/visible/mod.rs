@@ -10,9 +10,11 @@ mod body;
 mod capsule;
 mod gait;
 mod lamp;
+mod spec;
 mod stage;
 
 pub(super) use body::{Body, Looks};
 pub(super) use gait::pose;
 pub(super) use lamp::VisibleLamp;
+pub use spec::{ObjectSpec, VisibleLampSpec, WallSpec};
 pub(super) use stage::{Sight, Stage};

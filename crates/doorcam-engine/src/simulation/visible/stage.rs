@@ -86,7 +86,8 @@ impl Stage<'_> {
         drawn.flatten().collect()
     }
 
-    /// The visible side's light on the floor at a place, of which `sky` is what comes from everywhere if nobody is there.
+    /// The visible side's light on the floor at a place. `sky` is the part of the light from everywhere that arrives
+    /// there if nobody is in its way.
     fn on_floor(&self, [x, y]: Point, sky: f64) -> f64 {
         if x.is_nan() {
             return 0.0;
@@ -193,3 +194,7 @@ impl Body {
         share.sum()
     }
 }
+
+#[cfg(test)]
+#[path = "stage_tests.rs"]
+mod tests;
