@@ -322,7 +322,7 @@ impl Engine {
             } else {
                 self.validity.allow_for_light();
             }
-            if !self.validity.is_clear() {
+            if self.validity.has_changed() {
                 visible.disturb(frame.seconds);
             }
         } else {
@@ -351,7 +351,7 @@ impl Engine {
                 Ok(visible) => {
                     let told = self.parts.plan.settings().crossings;
                     let crossings = if told { visible.take_crossings() } else { Vec::new() };
-                    let busy = visible.is_busy(seconds);
+                    let busy = visible.is_doubtful(seconds);
                     let beside = Threshold { walkers: visible.walkers(), crossings: &crossings, busy, looked };
                     people.step_beside(seconds, update.time, &detections, beside)
                 }

@@ -14,6 +14,8 @@ const BRIGHTEST: f32 = 1.8;
 /// Share of used pixels below which a patch is partly covered, and below which it is blocked.
 const PARTIAL: f64 = 0.97;
 const BLOCKED: f64 = 0.4;
+/// Share of a patch's pixels that may come and go at the border of what lies still.
+const FLICKER: f64 = 0.01;
 /// Share of used pixels of both patches below which it is the light that has changed.
 const LIGHT: f64 = 0.2;
 
@@ -23,13 +25,16 @@ pub(crate) struct Validity {
     counted: Usable,
     usable: Usable,
     spread: Vec<bool>,
+    /// Number of usable pixels per side when it was last asked whether it has changed.
+    before: [usize; 2],
 }
 
 impl Validity {
     /// All pixels that count can be used.
     pub(crate) fn new(counted: &[Vec<bool>; 2]) -> Self {
         let counted = Usable::all(counted);
-        Self { usable: counted.clone(), counted, spread: Vec::new() }
+        let before = Side::BOTH.map(|side| counted.count(side));
+        Self { usable: counted.clone(), counted, spread: Vec::new(), before }
     }
 
     /// Starts a frame with all pixels.
@@ -44,6 +49,14 @@ impl Validity {
         if Side::BOTH.into_iter().all(few) {
             self.restart();
         }
+    }
+
+    /// Whether more pixels than a border's flicker have become usable or unusable since this was last asked.
+    pub(crate) fn has_changed(&mut self) -> bool {
+        let now = Side::BOTH.map(|side| self.usable.count(side));
+        let before = std::mem::replace(&mut self.before, now);
+        let all = Side::BOTH.map(|side| self.counted.count(side));
+        (0..2).any(|s| now[s].abs_diff(before[s]) as f64 > FLICKER * all[s] as f64)
     }
 
     /// Whether all pixels can be used.

@@ -1,8 +1,10 @@
 use doorcam_core::calibration::Camera;
-use doorcam_core::geometry::{Doorway, Side};
+use doorcam_core::geometry::{Doorway, Point, Side};
 use doorcam_core::light::Usable;
 use doorcam_core::transport::PatchGrid;
-use doorcam_core::visible::{Cells, Crossing, Grid, Overview, Pose, Sighting, Silhouettes, StillScene, Walkers};
+use doorcam_core::visible::{
+    Cells, Crossing, Grid, Overview, Pose, Sighting, Silhouettes, StillScene, Walker, Walkers,
+};
 
 /// Seconds between two looks at the whole picture: enough to follow somebody who walks, and cheap.
 const LOOK_S: f64 = 0.15;
@@ -12,6 +14,17 @@ const MOST_WALKERS: usize = 3;
 const SOMETHING: usize = 8;
 /// Share of the places before the threshold at which a body has to be in the picture.
 const LEAST_COVERAGE: f64 = 0.5;
+/// The floor beside an edge that the hidden room hardly lights: distance from the edge along the wall, in metres, and how
+/// steep the line from the edge's foot is at most.
+const CORNER_M: std::ops::Range<f64> = 0.1..0.7;
+const CORNER_SLOPE: f64 = 0.577;
+const FEWEST_IN_CORNER: usize = 12;
+/// How much that floor's light differs from usual, as a logarithm, if something on the visible side shades it: on one
+/// side, or on one more than on the other. Path-traced people in the room change it by less than 0.02.
+const SHADE: f32 = 0.08;
+const SHADE_ON_ONE: f32 = 0.04;
+/// What lasts longer than this, in seconds, is no shadow of somebody who passes.
+const SHADOW_S: f64 = 10.0;
 /// How long after the last sign of somebody on the visible side their shadow may still be there, in seconds.
 const CALM_S: f64 = 1.0;
 
@@ -27,8 +40,15 @@ pub(crate) struct VisibleSide {
     crossings: Vec<Crossing>,
     /// Per side and pixel of the patches, the cell that shows it.
     cells: [Vec<Option<usize>>; 2],
+    /// What was covered when it was last looked at.
+    covered_before: Cells,
+    /// Cells of the floor beside each edge that the hidden room hardly lights.
+    corners: [Vec<usize>; 2],
     looked_s: Option<f64>,
     busy_s: Option<f64>,
+    /// When the visible side's light was last seen to differ from usual, and since when it has.
+    shaded_s: Option<f64>,
+    since_s: Option<f64>,
 }
 
 impl VisibleSide {
@@ -55,7 +75,20 @@ impl VisibleSide {
             };
             (0..patch.pixels()).map(cell).collect()
         });
+        let corner = |side: Side| {
+            let sign = if side == Side::Left { -1.0 } else { 1.0 };
+            let beside = move |[x, y]: Point| {
+                let (out, ahead) = (sign * x - doorway.half_width(), -doorway.wall_thickness_m - y);
+                CORNER_M.contains(&out) && ahead > 0.03 && ahead < CORNER_SLOPE * out
+            };
+            let floor = |cell: &usize| camera.floor(grid.centre(*cell)).is_some_and(beside);
+            (0..grid.len()).filter(floor).collect()
+        };
         Ok(Self {
+            covered_before: Cells::new(grid.len()),
+            corners: Side::BOTH.map(corner),
+            shaded_s: None,
+            since_s: None,
             overview: Overview::new(grid),
             scene: StillScene::new(grid),
             covered: Cells::new(grid.len()),
@@ -83,13 +116,35 @@ impl VisibleSide {
             self.covered.clear();
             return;
         }
-        self.scene.compare(&self.overview, step_s, &mut self.covered);
+        // A shadow that passes must not become a part of the scene.
+        let shadow = self.since_s.is_some_and(|since| (0.0..SHADOW_S).contains(&(seconds - since)));
+        self.covered_before.copy_from(&self.covered);
+        self.scene.compare(&self.overview, step_s, !shadow, &mut self.covered);
         self.silhouettes.find(&self.covered, MOST_WALKERS, &mut self.sightings);
         self.crossings.clear();
         self.crossings.extend_from_slice(self.walkers.step(seconds, &self.sightings));
-        if self.covered.count() >= SOMETHING {
+        // What lies still disturbs nothing but the pixels that it covers.
+        let somebody = self.walkers.all().iter().any(Walker::is_somebody);
+        if somebody || self.covered.different(&self.covered_before) >= SOMETHING {
             self.busy_s = Some(seconds);
         }
+        if self.is_shaded() {
+            self.since_s.get_or_insert(seconds);
+            self.shaded_s = Some(seconds);
+        } else {
+            self.since_s = None;
+        }
+    }
+
+    /// Whether the floor beside the edges, which people in the room hardly light or darken, is lit otherwise than usual.
+    /// A change that both corners share may be one of the camera's exposure.
+    fn is_shaded(&self) -> bool {
+        let [left, right] = self.corners.each_ref().map(|cells| {
+            let tells = cells.len() >= FEWEST_IN_CORNER;
+            tells.then(|| self.scene.lighter(cells))
+        });
+        let apart = left.zip(right).is_some_and(|(left, right)| (left - right).abs() > SHADE_ON_ONE);
+        apart || [left, right].into_iter().flatten().any(|lighter| lighter.abs() > SHADE)
     }
 
     /// What has become certain since it was last asked for.
@@ -123,6 +178,12 @@ impl VisibleSide {
     /// Whether somebody is on the visible side, or has been a moment ago.
     pub(crate) fn is_busy(&self, seconds: f64) -> bool {
         self.busy_s.is_some_and(|last| (0.0..CALM_S).contains(&(seconds - last)))
+    }
+
+    /// Whether somebody on the visible side may look like somebody in the room: they are there, or their shadow is.
+    pub(crate) fn is_doubtful(&self, seconds: f64) -> bool {
+        let shaded = self.shaded_s.is_some_and(|last| (0.0..CALM_S).contains(&(seconds - last)));
+        shaded || self.is_busy(seconds)
     }
 
     /// Takes out the pixels of the patches that the newest look shows covered.

@@ -68,6 +68,16 @@ impl Cells {
         self.words.iter().map(|word| word.count_ones() as usize).sum()
     }
 
+    /// Copies `other`, which must have as many cells, without allocating.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.words.copy_from_slice(&other.words);
+    }
+
+    /// Number of cells that are in only one of two sets.
+    pub fn different(&self, other: &Self) -> usize {
+        self.words.iter().zip(&other.words).map(|(a, b)| (a ^ b).count_ones() as usize).sum()
+    }
+
     fn shared(&self, other: &Self) -> usize {
         self.words.iter().zip(&other.words).map(|(a, b)| (a & b).count_ones() as usize).sum()
     }

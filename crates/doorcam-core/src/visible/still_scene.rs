@@ -64,8 +64,8 @@ impl StillScene {
 
     /// Compares a picture, `step_s` seconds after the one before, with the still scene: marks what covers it in
     /// `covered`. A change of exposure or white balance, which all cells share, does not count. Then lets the scene
-    /// follow. The first picture becomes the scene.
-    pub fn compare(&mut self, picture: &Overview, step_s: f64, covered: &mut Cells) {
+    /// follow slow changes of the light, if `follow`. The first picture becomes the scene.
+    pub fn compare(&mut self, picture: &Overview, step_s: f64, follow: bool, covered: &mut Cells) {
         covered.clear();
         let Some(still) = &mut self.still else {
             self.still = Some(picture.cells().iter().map(|&rgb| log(rgb)).collect());
@@ -89,7 +89,7 @@ impl StillScene {
                 covered.set(k);
             }
         }
-        let share = (1.0 - (-step_s / FOLLOW_S).exp()) as f32;
+        let share = if follow { (1.0 - (-step_s / FOLLOW_S).exp()) as f32 } else { 0.0 };
         for (k, (still, change)) in still.iter_mut().zip(&self.change).enumerate() {
             let (look, seconds) = &mut self.cover[k];
             if !covered.has(k) {
@@ -108,6 +108,13 @@ impl StillScene {
                 *seconds = 0.0;
             }
         }
+    }
+
+    /// How much lighter the last picture is than the scene in these cells: the mean logarithm of the ratio.
+    pub fn lighter(&self, cells: &[usize]) -> f32 {
+        let Some(still) = &self.still else { return 0.0 };
+        let change = |&k: &usize| (0..3).map(|c| self.now[k][c] - still[k][c]).sum::<f32>() / 3.0;
+        cells.iter().map(change).sum::<f32>() / cells.len().max(1) as f32
     }
 
     /// Takes what the last picture shows in a cell for a part of the scene.
@@ -142,9 +149,9 @@ mod tests {
         let grid = Grid::new([640, 360]);
         let floor = |k: usize| [0.3, 0.28, 0.25].map(|v: f32| v * (1.0 + 0.2 * (k as f32).sin()));
         let (mut scene, mut covered) = (StillScene::new(grid), Cells::new(grid.len()));
-        scene.compare(&picture(grid, floor), 0.2, &mut covered);
+        scene.compare(&picture(grid, floor), 0.2, true, &mut covered);
         let mut count = |picture: &Overview| {
-            scene.clone().compare(picture, 0.2, &mut covered);
+            scene.clone().compare(picture, 0.2, true, &mut covered);
             covered.count()
         };
         let in_half = |k: usize| k % 80 < 30;
@@ -165,9 +172,9 @@ mod tests {
         let (mut scene, mut covered) = (StillScene::new(grid), Cells::new(grid.len()));
         let floor = picture(grid, |_| [0.3; 3]);
         let bag = picture(grid, |k| if k % 80 < 10 { [0.02, 0.02, 0.1] } else { [0.3; 3] });
-        scene.compare(&floor, 0.2, &mut covered);
+        scene.compare(&floor, 0.2, true, &mut covered);
         let mut look = |picture: &Overview, seconds: f64| {
-            (0..(seconds / 0.2) as usize).for_each(|_| scene.compare(picture, 0.2, &mut covered));
+            (0..(seconds / 0.2) as usize).for_each(|_| scene.compare(picture, 0.2, true, &mut covered));
             covered.count()
         };
         assert_eq!(look(&bag, 9.0), 450);
