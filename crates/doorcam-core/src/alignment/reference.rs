@@ -34,7 +34,8 @@ impl Match {
         let turned = self.motion.rotation.abs() * self.motion.centre_px[0] / 2.0;
         let far = self.motion.shift_px[0].hypot(self.motion.shift_px[1]) + turned;
         // Where only some edges agree, those along one direction may do so anywhere along it.
-        let (share, rival) = if self.support >= CLEAR { (SURE_SHARE, RIVAL[1]) } else { (0.0, RIVAL[0]) };
+        let share = if self.support >= CLEAR { SURE_SHARE } else { 0.0 };
+        let rival = RIVAL[usize::from(self.support >= MOST)];
         self.support >= SUPPORT && self.sd_px <= SURE_PX + share * far && self.rival <= rival * self.support
     }
 }
@@ -57,9 +58,10 @@ const SUPPORT: f64 = 0.3;
 const SURE_PX: f64 = 0.5;
 const SURE_SHARE: f64 = 0.02;
 const CLEAR: f64 = 0.9;
-/// Share of the support that another motion may have, usually and where nearly all cells agree: two that fit alike are
-/// both doubtful.
+/// Share of the support that another motion may have, usually and where most cells agree: two that fit alike are both
+/// doubtful.
 const RIVAL: [f64; 2] = [0.6, 0.8];
+const MOST: f64 = 0.75;
 /// Motions that differ by less than this are the same one, in pixels of the overview.
 const SAME: f64 = 1.5;
 /// A motion this near to the expected one is the expected one, in pixels of the overview: while enough fits, no other is

@@ -149,10 +149,11 @@ fn known_motions_are_found_in_any_light() {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let still = Motion::none(centre());
     let mut results = Vec::new();
-    // Without texture there are only a few edges: noise limits how well they are found, and the light may take some away.
+    // Without texture there are only a few edges: noise limits how well they are found, and where another light takes
+    // some of them away, as in half of these pictures, nothing is said.
     // The farther a camera was turned, the less is known of how the picture grew.
     for (scene, (most_px, share, most_unsure)) in
-        Scene::all().iter().zip([(1.5, 0.05, 20), (0.6, 0.03, 10), (0.6, 0.03, 2)])
+        Scene::all().iter().zip([(1.5, 0.05, 24), (0.6, 0.03, 10), (0.6, 0.03, 2)])
     {
         let mut reference = reference(scene, &mut random);
         let (mut errors, mut wrong, mut unsure) = (Vec::new(), Vec::new(), Vec::new());
