@@ -85,7 +85,7 @@ impl StillScene {
             (0..3).for_each(|c| change[c] -= shared[c]);
             let mean = (change[0] + change[1] + change[2]) / 3.0;
             let tint = change.iter().fold(0.0_f32, |most, c| most.max((c - mean).abs()));
-            if tint > TINT || mean < DARKER || mean > BRIGHTER {
+            if tint > TINT || !(DARKER..=BRIGHTER).contains(&mean) {
                 covered.set(k);
             }
         }
