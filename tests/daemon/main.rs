@@ -41,6 +41,7 @@ mod reload;
 mod replay;
 mod simulate;
 mod uncertainty;
+mod visible;
 mod watching;
 mod webhooks;
 mod zones;

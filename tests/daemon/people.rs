@@ -3,13 +3,13 @@
 use std::path::Path;
 use std::process::Command;
 
-fn doorcam(arguments: &[&str]) -> String {
+pub(super) fn doorcam(arguments: &[&str]) -> String {
     let output = Command::new(env!("CARGO_BIN_EXE_doorcam")).args(arguments).output().unwrap();
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
 
-fn evaluate(recording: &Path) -> serde_json::Value {
+pub(super) fn evaluate(recording: &Path) -> serde_json::Value {
     serde_json::from_str(&doorcam(&["evaluate", "--json", recording.to_str().unwrap()])).unwrap()
 }
 

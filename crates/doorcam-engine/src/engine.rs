@@ -308,9 +308,7 @@ impl Engine {
     fn judge_view(&mut self, frame: &RawFrame, looked: bool) -> ViewReport {
         let learning = !self.watching && is_given(frame.purpose, self.keeper.is_some());
         self.validity.restart();
-        // The published method compares pictures as they are.
-        let judges = !learning && self.reconstructor.model().kind == ModelKind::Signed;
-        if judges && let Some(empty) = self.reconstructor.empty() {
+        if !learning && let Some(empty) = self.reconstructor.empty() {
             self.validity.judge(&self.pair, empty);
         }
         if let Ok(visible) = &mut self.visible {

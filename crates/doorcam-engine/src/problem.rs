@@ -124,6 +124,11 @@ impl Problem {
         Self { projection, solver, finder, values, sensing, penalty, few_frames }
     }
 
+    /// Whether the noise of the empty room is known, so that what it cannot be can be told.
+    pub fn knows_noise(&self) -> bool {
+        self.sensing.is_some() && !self.few_frames
+    }
+
     /// λ for a frame. `lambda_max` is the smallest λ at which its map is empty.
     pub fn lambda(&self, frame: &Correlations, lambda_max: f64) -> f64 {
         self.lambda_in_noise(frame, lambda_max, 1.0)

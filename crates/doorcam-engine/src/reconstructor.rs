@@ -184,9 +184,10 @@ impl Reconstructor {
         self.problem.as_ref().map(|prepared| &prepared.reference)
     }
 
-    /// The picture of the empty room, as far as it is known.
+    /// The picture of the empty room that frames can be judged by; none if it is known from too few frames, as in
+    /// published measurements.
     pub(super) fn empty(&self) -> Option<&PatchPair> {
-        self.reference().or_else(|| (self.background.frames() > 0).then(|| self.background.mean()))
+        self.problem.as_ref().filter(|prepared| prepared.problem.knows_noise()).map(|prepared| &prepared.reference)
     }
 
     /// How visibly `picture` differs from `from` (the reference if none), as a share of what noise can reach: above 1,
@@ -282,7 +283,7 @@ impl Reconstructor {
         let per_value = (problem.values.max(1) as f64).recip();
         let foreign = correlations.foreign.map(|foreign| 2.0 * per_value * foreign);
         // Noise that the empty room does not have, such as that of a sharp shadow's border, is noise all the same.
-        let known = problem.sensing.is_some();
+        let known = problem.knows_noise();
         let noisier = [0, 1].map(|s| if known && foreign[s] > FOREIGN { foreign[s] } else { 1.0 });
         let spread = |noisier: f64| if noisier > 1.0 { SPREAD * noisier } else { 1.0 };
         *trust = [0, 1].map(|s| self.used[s] * self.used[s] / spread(noisier[s]));
