@@ -53,6 +53,10 @@ pub fn calibration(size: [usize; 2]) -> Value {
     json!({"size": size, "doorway": doorway, "floor_points": points})
 }
 
+/// Seconds within which a fault is told and frames are back, however busy the machine beneath the virtual one is. How
+/// long it took is printed; undisturbed it is a fraction of a second.
+pub const SOON_S: f64 = 20.0;
+
 /// A small image at a rate that an emulated processor can keep up with.
 pub const SMALL: &str = "size = [320, 180]\nfps = 10";
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde_json::json;
 
 use crate::common::run;
-use crate::guest::{Watching, Webcam, calibration, control, hold, measured, only_inside};
+use crate::guest::{SOON_S, Watching, Webcam, calibration, control, hold, measured, only_inside};
 
 const SMALL: &str = "size = [320, 240]\nfps = 10\nformats = [\"MJPG\"]";
 /// Exposure mode (1 is manual) and exposure time (linux/v4l2-controls.h).
@@ -85,7 +85,7 @@ fn guest_webcam_that_stalls_is_told_and_resumed() {
         webcam.stall_or_go_on();
         let resumed = watching.until_frames();
         measured(&format!("stalled: reported after {told:.2} s, frames {resumed:.2} s after the stall"));
-        assert!(told < 2.0 && resumed < 3.0);
+        assert!(told < SOON_S && resumed < SOON_S);
     }
     drop(watching);
     webcam.unplug();
@@ -108,7 +108,7 @@ fn guest_webcam_is_found_again_under_another_number() {
         "{node} unplugged: reported after {told:.2} s; back as {}: frames after {resumed:.2} s",
         webcam.node
     ));
-    assert!(told < 2.0 && resumed < 3.0);
+    assert!(told < SOON_S && resumed < SOON_S);
     assert_ne!(webcam.node, node);
     let granted = watching.status()["source"]["granted"].clone();
     assert_eq!(
