@@ -347,6 +347,8 @@ impl Engine {
             let report = match &mut self.visible {
                 Err(_) => people.step(seconds, update.time, &detections),
                 Ok(visible) => {
+                    // Nobody is on the threshold without being in the picture.
+                    detections.retain(|detection| !visible.is_absent(detection.position));
                     let told = self.parts.plan.settings().crossings;
                     let crossings = if told { visible.take_crossings() } else { Vec::new() };
                     let busy = visible.is_doubtful(seconds);

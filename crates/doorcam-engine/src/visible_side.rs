@@ -162,6 +162,11 @@ impl VisibleSide {
         !self.sightings.is_empty()
     }
 
+    /// Whether somebody at a place (m, door frame) would be in the picture, and is not.
+    pub(crate) fn is_absent(&self, place: Point) -> bool {
+        self.silhouettes.is_absent(place, &self.covered)
+    }
+
     /// Takes what covers these pixels of the patches for a part of the scene.
     pub(crate) fn accept(&mut self, pixels: &Usable) {
         for (side, cells) in Side::BOTH.into_iter().zip(&self.cells) {

@@ -31,6 +31,9 @@ const UNCOVERED: f64 = 0.6;
 /// Least score of a body, in cells, and as a share of its silhouette.
 const LEAST: f64 = 10.0;
 const LEAST_SHARE: f64 = 0.2;
+/// Cells of a silhouette from which its absence says something, and the share of them that may be covered by chance.
+const TELLING: usize = 40;
+const ABSENT: f64 = 0.12;
 /// Smallest error of a place, in metres: bodies differ, and their limbs swing.
 const ERROR_M: f64 = 0.1;
 /// Two bodies are at least this far apart, in metres.
@@ -152,6 +155,15 @@ impl Silhouettes {
         seen / (across * along * HEIGHTS_M.len() as f64)
     }
 
+    /// Whether somebody at a place (m, door frame) would be seen, and is not: of the silhouettes of a body there, none is
+    /// covered by more than a small part.
+    pub fn is_absent(&self, [x, y]: Point, covered: &Cells) -> bool {
+        let near = |s: &&Silhouette| (s.place[0] - x).abs() <= STEP_M && (s.place[1] - y).abs() <= STEP_M;
+        let mut large = self.all.iter().filter(near).filter(|s| s.area >= TELLING).peekable();
+        let free = |s: &Silhouette| (s.cells.shared(covered) as f64) < ABSENT * s.area as f64;
+        large.peek().is_some() && large.all(free)
+    }
+
     /// Finds the bodies that explain best what is covered, and adds them to `found`: at most `most`.
     pub fn find(&mut self, covered: &Cells, most: usize, found: &mut Vec<Sighting>) {
         found.clear();
@@ -243,4 +255,59 @@ fn silhouette(pose: &Pose, grid: Grid, [x, y]: Point, height: f64) -> Cells {
         }
     }
     cells
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::pinhole::Pinhole;
+    use crate::calibration::{Camera, Homography};
+
+    const DOORWAY: Doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None };
+
+    fn pose() -> Pose {
+        let pinhole =
+            Pinhole { at: [0.1, -1.5, 2.2], tilt: 1.0, turn: 0.0, roll: 0.02, focal: 480.0, centre: [319.5, 179.5] };
+        let floor = [[-0.5, -0.1], [0.5, -0.1], [0.6, -0.6], [-0.6, -0.6]];
+        let points = floor.map(|p| (p, pinhole.see(p).unwrap()));
+        Pose::of(&Camera::new(Homography::fit(&points).unwrap(), None), [640, 360]).unwrap()
+    }
+
+    #[test]
+    fn bodies_are_found_where_they_cover_the_picture_and_missed_where_they_do_not() {
+        let (pose, grid) = (pose(), Grid::new([640, 360]));
+        let mut silhouettes = Silhouettes::new(&pose, grid, &DOORWAY);
+        assert!(silhouettes.coverage(&DOORWAY) > 0.8, "{}", silhouettes.coverage(&DOORWAY));
+        let mut found = Vec::new();
+        for place in [[0.03, -0.41], [-0.22, 0.04], [0.31, -0.77]] {
+            // A body of another height, between the places that are tried.
+            let covered = silhouette(&pose, grid, place, 1.68);
+            silhouettes.find(&covered, 3, &mut found);
+            assert_eq!(found.len(), 1, "{place:?}: {found:?}");
+            let [x, y] = found[0].position;
+            assert!((x - place[0]).hypot(y - place[1]) < 0.15, "{place:?}: {found:?}");
+            assert!(!silhouettes.is_absent(place, &covered), "{place:?}");
+            assert!(silhouettes.is_absent(place, &Cells::new(grid.len())), "{place:?}");
+        }
+        // The picture does not show this place.
+        assert!(!silhouettes.is_absent([0.0, 2.0], &Cells::new(grid.len())));
+        silhouettes.find(&Cells::new(grid.len()), 3, &mut found);
+        assert_eq!(found, []);
+    }
+
+    #[test]
+    fn two_people_are_two() {
+        let (pose, grid) = (pose(), Grid::new([640, 360]));
+        let mut silhouettes = Silhouettes::new(&pose, grid, &DOORWAY);
+        let places = [[-0.5, -0.5], [0.6, -0.6]];
+        let mut covered = silhouette(&pose, grid, places[0], 1.7);
+        covered.add(&silhouette(&pose, grid, places[1], 1.6));
+        let mut found = Vec::new();
+        silhouettes.find(&covered, 3, &mut found);
+        assert_eq!(found.len(), 2, "{found:?}");
+        for place in places {
+            let away = |s: &Sighting| (s.position[0] - place[0]).hypot(s.position[1] - place[1]);
+            assert!(found.iter().any(|s| away(s) < 0.2), "{place:?} {found:?}");
+        }
+    }
 }
