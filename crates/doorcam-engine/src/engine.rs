@@ -358,7 +358,16 @@ impl Engine {
             };
             (detections, report)
         } else {
-            (Vec::new(), people.pause(update.time))
+            let report = match &mut self.visible {
+                Ok(visible) if self.parts.plan.settings().crossings && update.state != State::Misaligned => {
+                    let crossings = visible.take_crossings();
+                    let walkers = visible.walkers();
+                    let beside = Threshold { walkers, crossings: &crossings, busy: true, looked };
+                    people.pause_beside(seconds, update.time, beside)
+                }
+                _ => people.pause(update.time),
+            };
+            (Vec::new(), report)
         };
         (update.tracks, update.events, update.zones) = (report.tracks, report.events, report.zones);
         update.timing_ms.track = ms(start.elapsed());

@@ -103,13 +103,24 @@ impl People {
         self.tracker.step_with(seconds, &seen, !beside.busy);
         self.seen = seen;
         for crossing in beside.crossings {
-            self.cross(seconds, time, crossing, beside.walkers);
+            self.cross(seconds, time, crossing, beside.walkers, true);
         }
         self.known.retain(|(walker, _)| beside.walkers.all().iter().any(|w| w.id == *walker));
         self.report(time)
     }
 
-    fn cross(&mut self, seconds: f64, time: Timestamp, crossing: &Crossing, walkers: &Walkers) {
+    /// Like [`Self::pause`]: all tracks end, but who crosses the threshold is told.
+    pub(super) fn pause_beside(&mut self, seconds: f64, time: Timestamp, beside: Threshold) -> PeopleReport {
+        self.tracker.reset();
+        for crossing in beside.crossings {
+            self.cross(seconds, time, crossing, beside.walkers, false);
+        }
+        self.known.retain(|(walker, _)| beside.walkers.all().iter().any(|w| w.id == *walker));
+        self.report(time)
+    }
+
+    /// Tells a crossing, and follows who comes in if the room is `watched`.
+    fn cross(&mut self, seconds: f64, time: Timestamp, crossing: &Crossing, walkers: &Walkers, watched: bool) {
         let walker = walkers.all().iter().find(|w| w.id == crossing.walker);
         let known = self.known.iter().find(|(walker, _)| *walker == crossing.walker).map(|(_, track)| *track);
         let at = walker.map_or([crossing.x_m, 0.0], Walker::position);
@@ -125,6 +136,7 @@ impl People {
         let near = near.min_by(|a, b| away(a).total_cmp(&away(b))).map(|track| track.id);
         let followed = |id: &u64| self.tracker.tracks().iter().any(|track| track.id == *id);
         let track = match crossing.direction {
+            Direction::In if !watched => self.tracker.number(),
             Direction::In => known.filter(followed).unwrap_or_else(|| {
                 let since_s = (seconds - crossing.seconds).clamp(0.0, 1.0);
                 let speed = crossing.speed_m_s.clamp(0.3, 1.6);

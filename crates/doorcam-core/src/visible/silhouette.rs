@@ -187,7 +187,7 @@ impl Silhouettes {
             if score < LEAST || score < LEAST_SHARE * area as f64 {
                 return;
             }
-            let sighting = self.around(score, covered.shared(&self.all[best].cells));
+            let sighting = self.around(best, score, covered.shared(&self.all[best].cells));
             self.taken.add(&self.all[best].cells);
             let apart = |other: &Sighting| {
                 (other.position[0] - sighting.position[0]).hypot(other.position[1] - sighting.position[1]) > APART_M
@@ -199,17 +199,19 @@ impl Silhouettes {
         }
     }
 
-    /// Mean and covariance of the places, weighted by how well they explain the picture.
-    fn around(&self, best: f64, cells: usize) -> Sighting {
+    /// Mean and covariance of the places around the best one, weighted by how well they explain the picture.
+    fn around(&self, centre: usize, best: f64, cells: usize) -> Sighting {
+        let [cx, cy] = self.all[centre].place;
         // Neighbouring cells say the same.
         let scale = (0.03 * best).max(4.0);
         let (mut sum, mut mean, mut squares) = (0.0, [0.0; 2], [0.0; 3]);
         for (score, silhouette) in self.scores.iter().zip(&self.all) {
             let weight = ((score - best) / scale).exp();
-            if weight < 1e-3 {
+            let [x, y] = silhouette.place;
+            // Farther away it would be another body.
+            if weight < 1e-3 || (x - cx).hypot(y - cy) > APART_M {
                 continue;
             }
-            let [x, y] = silhouette.place;
             sum += weight;
             (mean[0], mean[1]) = (mean[0] + weight * x, mean[1] + weight * y);
             squares = [squares[0] + weight * x * x, squares[1] + weight * x * y, squares[2] + weight * y * y];
