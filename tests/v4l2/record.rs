@@ -132,7 +132,8 @@ fn guest_record_a_webcam_with_a_frame_cut_short() {
     unless_frozen(|| {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("webcam");
-        let (mut command, _kept) = recorder(&source, camera, [320, 240], &out, &["--seconds", "6"]);
+        // A number of frames, not of seconds: a slow machine must not end before the frame that is cut.
+        let (mut command, _kept) = recorder(&source, camera, [320, 240], &out, &["--frames", "60"]);
         let child = command.stderr(Stdio::piped()).spawn().unwrap();
         // After the frames of the empty room.
         wait_for_file(&out.join("frames/00000030.jpg"));

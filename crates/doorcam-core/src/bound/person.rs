@@ -214,9 +214,10 @@ mod tests {
             );
         }
 
-        /// An edge can only help, and so can another patch.
+        /// An edge can only help, and so can another patch. Not so where the wall hides a body close to it from most of
+        /// the patch: there an edge takes more light away than it tells.
         #[test]
-        fn more_measurements_are_never_worse(x in -0.8..0.8f64, y in 0.4..2.8f64) {
+        fn more_measurements_are_never_worse(x in -0.6..0.6f64, y in 0.8..2.8f64) {
             let [single, corner, double, door] = SETUP.bounds([x, y]);
             prop_assert!(double.error_m() <= single.error_m() * (1.0 + 1e-9));
             prop_assert!(corner.error_m() <= single.error_m(), "{corner:?} {single:?}");
