@@ -205,8 +205,9 @@ pub(super) fn why_not(enabled: bool, never: Option<String>, not_watching: Option
     if !enabled {
         return Some("crossings.enabled is false".into());
     }
-    // The whole picture shows who walks through, also while they cover both patches.
-    let now = not_watching.filter(|reason| *reason != Reason::Obstructed);
+    // The whole picture shows who walks through, whatever is known of the room.
+    let sees = [Reason::Obstructed, Reason::Learning, Reason::Relearning];
+    let now = not_watching.filter(|reason| !sees.contains(reason));
     never.or_else(|| now.map(|reason| format!("not watching: {}", reason.words())))
 }
 

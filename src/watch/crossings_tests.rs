@@ -137,7 +137,11 @@ fn who_is_inside_is_not_claimed_while_nobody_who_walks_through_is_seen() {
 fn why_nobody_is_seen_to_walk_through_is_told_by_what_lasts_longest() {
     let never = || Some("the picture shows the patches only".to_owned());
     assert_eq!(why_not(true, None, None), None);
-    assert_eq!(why_not(true, None, Some(Reason::Obstructed)), None);
+    for sees in [Reason::Obstructed, Reason::Learning, Reason::Relearning] {
+        assert_eq!(why_not(true, None, Some(sees)), None);
+    }
+    let moved = why_not(true, None, Some(Reason::Misaligned));
+    assert_eq!(moved.unwrap(), "not watching: the camera has moved since it was calibrated");
     assert_eq!(why_not(true, None, Some(Reason::Stale)).unwrap(), "not watching: no new frames");
     assert_eq!(why_not(true, never(), Some(Reason::Stale)), never());
     assert_eq!(why_not(true, never(), None), never());

@@ -108,15 +108,7 @@ impl Engine {
         Watched {
             model: Arc::clone(self.reconstructor.model()),
             calibration: self.parts.calibration(),
-            no_crossings: self.no_crossings(),
-        }
-    }
-
-    fn no_crossings(&self) -> Option<String> {
-        match &self.visible {
-            Err(reason) => Some(reason.clone()),
-            Ok(_) if !self.parts.plan.settings().crossings => Some("turned off (crossings.enabled)".into()),
-            Ok(_) => None,
+            no_crossings: self.visible.as_ref().err().cloned(),
         }
     }
 
@@ -191,9 +183,9 @@ impl Engine {
         let start = Instant::now();
         self.parts.plan.meet(frame);
         let off = self.look_around(frame, time);
-        let overview = self.visible.as_mut().ok().and_then(|visible| visible.due(frame.seconds));
-        let looked = overview.is_some();
-        let read = self.reader.read_with(frame, &mut self.pair, overview)?;
+        let thumbnail = self.visible.as_mut().ok().and_then(|visible| visible.due(frame.seconds));
+        let looked = thumbnail.is_some();
+        let read = self.reader.read_with(frame, &mut self.pair, thumbnail)?;
         let model = self.reconstructor.model().clone();
         let view = self.judge_view(frame, looked);
         let (pair, excess) = self.averager.push(&self.pair, frame.seconds);
@@ -255,7 +247,7 @@ impl Engine {
             update.state = State::Misaligned;
         }
         let detections = self.follow(frame.seconds, looked, &mut update);
-        let reference = self.tell_alignment(frame.purpose, &mut update);
+        let reference = self.tell_alignment(frame, &mut update);
         update.timing_ms.total = ms(start.elapsed());
         self.sequence += 1;
         let difference = scene.is_some().then(|| self.reconstructor.difference().clone());
@@ -285,11 +277,13 @@ impl Engine {
     }
 
     /// Tells the watch over the camera what came of the frame, and the update how the camera has moved.
-    fn tell_alignment(&mut self, purpose: Purpose, update: &mut Update) -> Option<Arc<Overview>> {
+    fn tell_alignment(&mut self, frame: &RawFrame, update: &mut Update) -> Option<Arc<Overview>> {
         let alignment = self.alignment.as_mut()?;
-        let empty = update.state == State::Watching && update.facets.is_empty() && update.tracks.is_empty();
+        let alone = self.visible.as_ref().map_or(true, |visible| !visible.is_doubtful(frame.seconds));
+        let watching = alone && update.state == State::Watching;
+        let empty = watching && update.facets.is_empty() && update.tracks.is_empty();
         let newcomer = update.tracks.iter().any(|track| track.state == TrackState::Tentative);
-        alignment.room_is(purpose, empty, newcomer);
+        alignment.room_is(frame.purpose, empty, newcomer);
         update.camera_moved = alignment.moved();
         alignment.reference()
     }

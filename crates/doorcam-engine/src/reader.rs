@@ -7,7 +7,7 @@ use doorcam_core::geometry::Side;
 use doorcam_core::light::{CameraRectifier, Decoding, Filter, LightTable, PatchPair, PatchRectifier};
 use doorcam_core::optics::Transfer;
 use doorcam_core::transport::PatchGrid;
-use doorcam_core::visible::Overview;
+use doorcam_core::visible::Thumbnail;
 use doorcam_source::image::{ImageDecoder, JpegDepth};
 use doorcam_source::recording::Manifest;
 use doorcam_source::{RawFrame, RawImages, SkipKind, SkippedFrame};
@@ -129,7 +129,7 @@ impl FrameReader {
         self.read_with(frame, pair, None)
     }
 
-    /// Like [`Self::read`], and fills an overview of all that the camera sees, if one is wanted. Takes longer then,
+    /// Like [`Self::read`], and fills a thumbnail of all that the camera sees, if one is wanted. Takes longer then,
     /// because the whole image is decoded.
     ///
     /// # Errors
@@ -139,7 +139,7 @@ impl FrameReader {
         &mut self,
         frame: &RawFrame,
         pair: &mut PatchPair,
-        overview: Option<&mut Overview>,
+        thumbnail: Option<&mut Thumbnail>,
     ) -> Result<ReadTimes, SkippedFrame> {
         let unfit = |reason: &str| SkippedFrame::new(&*frame.name, SkipKind::Unfit, reason);
         let mut times = ReadTimes::default();
@@ -163,7 +163,7 @@ impl FrameReader {
             }
             (Rectifier::Camera(camera, rows), images) => {
                 let start = Instant::now();
-                let rows = if overview.is_some() { &(0..camera.image_size().1) } else { &*rows };
+                let rows = if thumbnail.is_some() { &(0..camera.image_size().1) } else { &*rows };
                 let image = match images {
                     RawImages::Camera(bytes) => decoder.decode_rows(bytes, Some(camera.image_size()), rows.clone()),
                     RawImages::Sensor(format, bytes) => decoder.decode_sensor(format, bytes, rows.clone()),
@@ -175,8 +175,8 @@ impl FrameReader {
                 timed(|t| &mut t.decode, start);
                 let start = Instant::now();
                 camera.apply(image, &self.table, pair).map_err(|e| unfit(&e.to_string()))?;
-                if let Some(overview) = overview {
-                    overview.fill(image, &self.table);
+                if let Some(thumbnail) = thumbnail {
+                    thumbnail.fill(image, &self.table);
                 }
                 timed(|t| &mut t.rectify, start);
                 lacked_end = !matches!(images, RawImages::Sensor(..)) && decoder.lacked_end();

@@ -3,7 +3,7 @@ use doorcam_core::geometry::{Doorway, Point, Side};
 use doorcam_core::light::Usable;
 use doorcam_core::transport::PatchGrid;
 use doorcam_core::visible::{
-    Cells, Crossing, Grid, Overview, Pose, Sighting, Silhouettes, StillScene, Walker, Walkers,
+    Cells, Crossing, Grid, Pose, Sighting, Silhouettes, StillScene, Thumbnail, Walker, Walkers,
 };
 
 /// Seconds between two looks at the whole picture: enough to follow somebody who walks, and cheap.
@@ -20,7 +20,8 @@ const CORNER_M: std::ops::Range<f64> = 0.1..0.7;
 const CORNER_SLOPE: f64 = 0.577;
 const FEWEST_IN_CORNER: usize = 12;
 /// How much that floor's light differs from usual, as a logarithm, if something on the visible side shades it: on one
-/// side, or on one more than on the other. Path-traced people in the room change it by less than 0.02.
+/// side, or on one more than on the other. People in the room hardly reach it, and exposure and slow changes of the light
+/// change both sides alike: in path-traced recordings by up to 0.06.
 const SHADE: f32 = 0.08;
 const SHADE_ON_ONE: f32 = 0.04;
 /// What lasts longer than this, in seconds, is no shadow of somebody who passes.
@@ -31,7 +32,7 @@ const CALM_S: f64 = 1.0;
 /// Looks at the camera's own side: what covers the floor there, and who goes through the doorway.
 #[derive(Debug, Clone)]
 pub(crate) struct VisibleSide {
-    overview: Overview,
+    thumbnail: Thumbnail,
     scene: StillScene,
     covered: Cells,
     silhouettes: Silhouettes,
@@ -89,7 +90,7 @@ impl VisibleSide {
             corners: Side::BOTH.map(corner),
             shaded_s: None,
             since_s: None,
-            overview: Overview::new(grid),
+            thumbnail: Thumbnail::new(grid),
             scene: StillScene::new(grid),
             covered: Cells::new(grid.len()),
             silhouettes,
@@ -103,23 +104,23 @@ impl VisibleSide {
     }
 
     /// The picture to fill if it is time for another look.
-    pub(crate) fn due(&mut self, seconds: f64) -> Option<&mut Overview> {
+    pub(crate) fn due(&mut self, seconds: f64) -> Option<&mut Thumbnail> {
         let due = self.looked_s.is_none_or(|last| !(0.0..LOOK_S - 1e-6).contains(&(seconds - last)));
-        due.then_some(&mut self.overview)
+        due.then_some(&mut self.thumbnail)
     }
 
     /// Looks at the picture that was filled. `learning`: the empty room is being learned, so nobody should be there.
     pub(crate) fn look(&mut self, seconds: f64, learning: bool) {
         let step_s = self.looked_s.replace(seconds).map_or(0.0, |last| (seconds - last).clamp(0.0, 1.0));
         if learning {
-            self.scene.learn(&self.overview);
+            self.scene.learn(&self.thumbnail);
             self.covered.clear();
             return;
         }
         // A shadow that passes must not become a part of the scene.
         let shadow = self.since_s.is_some_and(|since| (0.0..SHADOW_S).contains(&(seconds - since)));
         self.covered_before.copy_from(&self.covered);
-        self.scene.compare(&self.overview, step_s, !shadow, &mut self.covered);
+        self.scene.compare(&self.thumbnail, step_s, !shadow, &mut self.covered);
         self.silhouettes.find(&self.covered, MOST_WALKERS, &mut self.sightings);
         self.crossings.clear();
         self.crossings.extend_from_slice(self.walkers.step(seconds, &self.sightings));

@@ -1,4 +1,4 @@
-use super::{Cells, Grid, Overview};
+use super::{Cells, Grid, Thumbnail};
 
 /// Added to the light of a cell, relative to full scale, so that the ratio of two dark cells is not noise.
 const DARK: f32 = 0.004;
@@ -18,7 +18,6 @@ const SAME: f32 = 0.1;
 /// What the camera sees while nobody is there, cell by cell.
 #[derive(Debug, Clone)]
 pub struct StillScene {
-    grid: Grid,
     /// Per cell, the logarithm of its light; none before there was a picture.
     still: Option<Vec<[f32; 3]>>,
     /// Number of pictures it was learned from.
@@ -37,7 +36,6 @@ impl StillScene {
     /// Nothing seen yet.
     pub fn new(grid: Grid) -> Self {
         Self {
-            grid,
             still: None,
             learned: 0.0,
             cover: vec![([0.0; 3], 0.0); grid.len()],
@@ -47,13 +45,8 @@ impl StillScene {
         }
     }
 
-    /// Forgets the scene: the next picture is the new one.
-    pub fn reset(&mut self) {
-        (self.still, self.learned) = (None, 0.0);
-    }
-
-    /// Learns from a picture of the scene with nobody there: the mean of all since the last reset.
-    pub fn learn(&mut self, picture: &Overview) {
+    /// Learns from a picture of the scene with nobody there: the mean of all of them.
+    pub fn learn(&mut self, picture: &Thumbnail) {
         let still = self.still.get_or_insert_with(|| vec![[0.0; 3]; picture.cells().len()]);
         self.learned += 1.0;
         for (still, &rgb) in still.iter_mut().zip(picture.cells()) {
@@ -65,7 +58,7 @@ impl StillScene {
     /// Compares a picture, `step_s` seconds after the one before, with the still scene: marks what covers it in
     /// `covered`. A change of exposure or white balance, which all cells share, does not count. Then lets the scene
     /// follow slow changes of the light, if `follow`. The first picture becomes the scene.
-    pub fn compare(&mut self, picture: &Overview, step_s: f64, follow: bool, covered: &mut Cells) {
+    pub fn compare(&mut self, picture: &Thumbnail, step_s: f64, follow: bool, covered: &mut Cells) {
         covered.clear();
         let Some(still) = &mut self.still else {
             self.still = Some(picture.cells().iter().map(|&rgb| log(rgb)).collect());
@@ -123,11 +116,6 @@ impl StillScene {
             still[cell] = self.now[cell];
         }
     }
-
-    /// Its grid.
-    pub fn grid(&self) -> Grid {
-        self.grid
-    }
 }
 
 fn log(rgb: [f32; 3]) -> [f32; 3] {
@@ -138,8 +126,8 @@ fn log(rgb: [f32; 3]) -> [f32; 3] {
 mod tests {
     use super::*;
 
-    fn picture(grid: Grid, light: impl Fn(usize) -> [f32; 3]) -> Overview {
-        let mut picture = Overview::new(grid);
+    fn picture(grid: Grid, light: impl Fn(usize) -> [f32; 3]) -> Thumbnail {
+        let mut picture = Thumbnail::new(grid);
         picture.cells_mut().iter_mut().enumerate().for_each(|(k, cell)| *cell = light(k));
         picture
     }
@@ -150,7 +138,7 @@ mod tests {
         let floor = |k: usize| [0.3, 0.28, 0.25].map(|v: f32| v * (1.0 + 0.2 * (k as f32).sin()));
         let (mut scene, mut covered) = (StillScene::new(grid), Cells::new(grid.len()));
         scene.compare(&picture(grid, floor), 0.2, true, &mut covered);
-        let mut count = |picture: &Overview| {
+        let mut count = |picture: &Thumbnail| {
             scene.clone().compare(picture, 0.2, true, &mut covered);
             covered.count()
         };
@@ -173,7 +161,7 @@ mod tests {
         let floor = picture(grid, |_| [0.3; 3]);
         let bag = picture(grid, |k| if k % 80 < 10 { [0.02, 0.02, 0.1] } else { [0.3; 3] });
         scene.compare(&floor, 0.2, true, &mut covered);
-        let mut look = |picture: &Overview, seconds: f64| {
+        let mut look = |picture: &Thumbnail, seconds: f64| {
             (0..(seconds / 0.2) as usize).for_each(|_| scene.compare(picture, 0.2, true, &mut covered));
             covered.count()
         };

@@ -2,10 +2,9 @@ use std::collections::VecDeque;
 
 use super::Sighting;
 use crate::geometry::{Doorway, Point};
-use crate::tracking::{Covariance, Direction, Filter, Motion};
+use crate::tracking::{Direction, Filter, Motion};
 
-/// A sighting belongs to a walker whose expected place is at most this far away, in metres, and this many standard
-/// deviations.
+/// A sighting belongs to a walker whose expected place is at most this far away, in metres.
 const GATE_M: f64 = 0.9;
 /// Somebody unseen for this long, in seconds, has left the picture.
 const GONE_S: f64 = 0.7;
@@ -78,11 +77,6 @@ impl Walker {
     /// Velocity, in m/s.
     pub fn velocity(&self) -> [f64; 2] {
         self.filter.velocity()
-    }
-
-    /// Covariance of the place, in m².
-    pub fn covariance(&self) -> Covariance {
-        self.filter.position_covariance()
     }
 
     /// Where the newest picture shows them; none if it does not.

@@ -5,6 +5,7 @@ mod solver;
 #[path = "../../../doorcam-core/tests/solver_problems/mod.rs"]
 mod solver_problems;
 mod tracker;
+mod visible;
 
 use std::alloc::System;
 
@@ -31,4 +32,5 @@ fn nothing_is_allocated_after_the_first_frames() {
     jpeg::check();
     solver::check();
     tracker::check();
+    visible::check();
 }

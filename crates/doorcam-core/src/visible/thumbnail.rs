@@ -53,12 +53,12 @@ impl Grid {
 
 /// A small picture of all that the camera sees, in linear light: per cell of the grid, row by row, its mean colour.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Overview {
+pub struct Thumbnail {
     grid: Grid,
     cells: Vec<[f32; 3]>,
 }
 
-impl Overview {
+impl Thumbnail {
     /// A black picture.
     pub fn new(grid: Grid) -> Self {
         Self { grid, cells: vec![[0.0; 3]; grid.len()] }
@@ -120,11 +120,11 @@ mod tests {
         let code = |u: usize, v: usize| [(10 * u) as u16, (20 * v) as u16, 5];
         let samples = (0..363).flat_map(|v| (0..640).flat_map(move |u| code(u, v))).collect();
         let image = Image { width: 640, height: 363, samples: Samples::Sixteen(samples) };
-        let mut overview = Overview::new(grid);
-        overview.fill(&image, &LightTable::new(&Decoding::Light(Transfer::Linear)));
+        let mut thumbnail = Thumbnail::new(grid);
+        thumbnail.fill(&image, &LightTable::new(&Decoding::Light(Transfer::Linear)));
         for cell in [0, 79, 1234, 3599] {
             let [u, v] = grid.centre(cell);
-            let [red, green, _] = overview.cells()[cell].map(|light| f64::from(light) * 65535.0);
+            let [red, green, _] = thumbnail.cells()[cell].map(|light| f64::from(light) * 65535.0);
             assert!((red - 10.0 * u).abs() < 6.0 && (green - 20.0 * v).abs() < 11.0, "{cell}: {red} {green}");
         }
         assert_eq!(Grid::new([5, 4]).len(), 20);
