@@ -1,6 +1,7 @@
 use jiff::{SignedDuration, Timestamp};
 
 use crate::Settings;
+use doorcam_core::geometry::Point;
 use doorcam_core::tracking::{
     Detection, Direction, Event, Events, ExitReason, Occupancy, Prediction, Track, TrackState, Tracker, Zone,
 };
@@ -16,8 +17,18 @@ pub struct People {
     seen: Vec<Detection>,
     /// The tracks of the last report.
     before: Vec<Track>,
+    /// Where people were in the last [`WALK_S`] seconds, oldest first.
+    passed: Vec<Passed>,
     /// Half the room's width and its depth, in metres.
     walls: [f64; 2],
+}
+
+/// Where somebody was at a time.
+#[derive(Debug, Clone, Copy)]
+struct Passed {
+    track: u64,
+    seconds: f64,
+    position: Point,
 }
 
 /// What the camera sees on its own side in one frame.
@@ -35,8 +46,26 @@ pub(super) struct Threshold<'a> {
 
 /// A walker is somebody of the room who is at most this far away, in metres.
 const SAME_M: f64 = 0.9;
+/// Whoever walks out was on the way to the doorway for this long before, in seconds.
+const WALK_S: f64 = 1.5;
+/// How far from a straight way at even speed they were at most: at the doorway, in metres, and for each second before.
+const ASTRAY_M: f64 = 0.3;
+const ASTRAY_M_S: f64 = 0.3;
+/// Most places of people that are kept; above what people and frames of that time come to.
+const MOST_PASSED: usize = 2048;
+/// Somebody who has just come in is at most this far from where the picture of the threshold lets expect them, in metres.
+const JUST_IN_M: f64 = 0.45;
+/// Evidence of somebody whom the light clearly shows.
+const CLEAR: f64 = 32.0;
+/// Places nearer to each other than this, in metres, are of one body.
+const SAME_BODY_M: f64 = 0.3;
+/// Evidence at which it is as likely as not that an expected person was found where they are, rather than noise.
+const EVEN: f64 = 12.0;
 /// Somebody lost at most this far from a wall may have left through another entrance, in metres.
 const AT_WALL_M: f64 = 0.4;
+
+/// Standard deviations by which somebody has to be near a wall to be no longer known to be in the room.
+const CERTAIN: f64 = 1.0;
 
 /// What an update says about people.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -59,6 +88,7 @@ impl People {
             known: Vec::new(),
             seen: Vec::new(),
             before: Vec::new(),
+            passed: Vec::with_capacity(MOST_PASSED),
             walls: [room.half_width_m, room.depth_m],
         }
     }
@@ -94,7 +124,7 @@ impl People {
         beside: Threshold,
     ) -> PeopleReport {
         self.seen.clear();
-        self.seen.extend_from_slice(detections);
+        self.seen.extend(detections.iter().map(weighed));
         if beside.looked {
             let of_room = beside.walkers.all().iter().filter(|w| w.is_somebody() && w.is_of_the_room());
             self.seen.extend(of_room.filter_map(sighted));
@@ -102,6 +132,13 @@ impl People {
         let seen = std::mem::take(&mut self.seen);
         self.tracker.step_with(seconds, &seen, !beside.busy);
         self.seen = seen;
+        self.remember(seconds);
+        for k in 0..self.tracker.tracks().len() {
+            let track = self.tracker.tracks()[k];
+            if self.is_at_wall(&track, CERTAIN) {
+                self.tracker.doubt(track.id);
+            }
+        }
         for crossing in beside.crossings {
             self.cross(seconds, time, crossing, beside.walkers, true);
         }
@@ -135,6 +172,7 @@ impl People {
         let near = self.tracker.tracks().iter().filter(confirmed);
         let near = near.min_by(|a, b| away(a).total_cmp(&away(b))).map(|track| track.id);
         let followed = |id: &u64| self.tracker.tracks().iter().any(|track| track.id == *id);
+        let walked_out = self.walked_out(crossing);
         let track = match crossing.direction {
             Direction::In if !watched => self.tracker.number(),
             Direction::In => known.filter(followed).unwrap_or_else(|| {
@@ -142,10 +180,18 @@ impl People {
                 let speed = crossing.speed_m_s.clamp(0.3, 1.6);
                 let velocity = [walker.map_or(0.0, |w| w.velocity()[0]).clamp(-0.7, 0.7), speed];
                 let position = [crossing.x_m + velocity[0] * since_s, velocity[1] * since_s];
-                self.tracker.admit(position, velocity, &[[0.03, 0.0], [0.0, 0.04]])
+                match self.found_near(position) {
+                    Some(found) => self.tracker.admit(found.position, velocity, &found.covariance),
+                    None => self.tracker.admit(position, velocity, &[[0.03, 0.0], [0.0, 0.04]]),
+                }
             }),
             Direction::Out => {
-                let track = known.filter(followed).or(near).unwrap_or_else(|| self.tracker.number());
+                let track = known.filter(followed).or(walked_out.filter(followed)).or(near);
+                if track.is_none() {
+                    // Whoever that was may be one of those who are still believed to be inside.
+                    self.tracker.doubt_all();
+                }
+                let track = track.unwrap_or_else(|| self.tracker.number());
                 self.tracker.dismiss(track);
                 self.events.leaves(track, ExitReason::Door);
                 track
@@ -160,6 +206,34 @@ impl People {
         let ago = SignedDuration::try_from_secs_f64(seconds - crossing.seconds).unwrap_or_default();
         let then = time.checked_sub(ago).unwrap_or(time);
         self.events.crossed(then, track, crossing.direction, [crossing.x_m, 0.0], crossing.speed_m_s);
+    }
+
+    /// What this frame shows of somebody who has just come in and is expected at a place.
+    fn found_near(&self, place: Point) -> Option<Detection> {
+        let taken =
+            |d: &Detection| self.tracker.tracks().iter().any(|t| distance(place_of(t), d.position) < SAME_BODY_M);
+        let near = self.seen.iter().filter(|d| d.significance > CLEAR && distance(d.position, place) < JUST_IN_M);
+        near.filter(|d| !taken(d)).max_by(|a, b| a.significance.total_cmp(&b.significance)).copied()
+    }
+
+    /// Keeps where everybody is now, for [`Self::walked_out`].
+    fn remember(&mut self, seconds: f64) {
+        self.passed.retain(|passed| (0.0..WALK_S).contains(&(seconds - passed.seconds)));
+        let confirmed = self.tracker.tracks().iter().filter(|track| track.state != TrackState::Tentative);
+        let passed = confirmed.map(|t| Passed { track: t.id, seconds, position: [t.x_m, t.y_m] });
+        self.passed.extend(passed.take(MOST_PASSED - self.passed.len()));
+    }
+
+    /// Who was on the way that somebody came who walked out.
+    fn walked_out(&self, crossing: &Crossing) -> Option<u64> {
+        let speed = crossing.speed_m_s.clamp(0.3, 1.6);
+        let astray = |passed: &Passed| {
+            let before_s = (crossing.seconds - passed.seconds).max(0.0);
+            let [x, y] = passed.position;
+            (x - crossing.x_m).hypot(y - speed * before_s) / (ASTRAY_M + ASTRAY_M_S * before_s)
+        };
+        let all = self.passed.iter().map(|passed| (passed.track, astray(passed)));
+        all.filter(|(_, astray)| *astray < 1.0).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(track, _)| track)
     }
 
     /// Processes a frame without a trustworthy map: all tracks end.
@@ -179,11 +253,16 @@ impl People {
         self.events.use_zones(zones);
     }
 
+    /// Whether somebody is so near a wall that they may leave through another entrance, by that many standard deviations.
+    fn is_at_wall(&self, track: &Track, deviations: f64) -> bool {
+        let [half_width_m, depth_m] = self.walls.map(|wall| wall - AT_WALL_M);
+        let [sd_x, sd_y] = [0, 1].map(|i| track.covariance_m2[i][i].sqrt());
+        track.x_m.abs() - deviations * sd_x > half_width_m || track.y_m - deviations * sd_y > depth_m
+    }
+
     fn report(&mut self, time: Timestamp) -> PeopleReport {
         for track in &self.before {
-            let [half_width_m, depth_m] = self.walls;
-            let at_wall = track.x_m.abs() > half_width_m - AT_WALL_M || track.y_m > depth_m - AT_WALL_M;
-            if at_wall && !self.tracker.tracks().iter().any(|t| t.id == track.id) {
+            if self.is_at_wall(track, 0.0) && !self.tracker.tracks().iter().any(|t| t.id == track.id) {
                 self.events.leaves(track.id, ExitReason::Entrance);
             }
         }
@@ -193,6 +272,21 @@ impl People {
         self.events.observe(time, self.tracker.tracks(), self.tracker.unseen_s(), &mut events);
         PeopleReport { tracks: self.tracker.tracks().to_vec(), events, zones: self.events.occupancy().collect() }
     }
+}
+
+fn place_of(track: &Track) -> Point {
+    [track.x_m, track.y_m]
+}
+
+fn distance(a: Point, b: Point) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+/// A detection with the covariance that its evidence is worth: what an expected person explains weakly may be noise, and
+/// says little about where they are.
+fn weighed(detection: &Detection) -> Detection {
+    let doubt = 1.0 + (0.5 * (EVEN - detection.significance)).clamp(-50.0, 5.0).exp();
+    Detection { covariance: detection.covariance.map(|row| row.map(|v| doubt * v)), ..*detection }
 }
 
 /// Where the camera itself sees somebody of the room.
@@ -263,13 +357,18 @@ mod tests {
         assert_eq!(kinds(&report.events)[..3], expected);
     }
 
+    fn clear(position: Point) -> Detection {
+        Detection { position, covariance: [[0.01, 0.0], [0.0, 0.01]], rgb: [-0.1; 3], significance: 50.0 }
+    }
+
     /// Walks somebody through the picture of a doorway in steps of 0.2 s, from second `from_s` on; `place(t)` is where they
-    /// are t seconds later.
+    /// are t seconds later, and `light(t)` where the light of the floor shows somebody.
     fn walk(
         people: &mut People,
         from_s: i64,
         place: impl Fn(f64) -> [f64; 2],
         seen: impl Fn([f64; 2]) -> bool,
+        light: impl Fn(f64) -> Option<Point>,
     ) -> Vec<Event> {
         let doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None };
         let mut walkers = Walkers::new(&doorway);
@@ -283,7 +382,8 @@ mod tests {
             let crossings = walkers.step(now_s, sightings).to_vec();
             let busy = !sightings.is_empty();
             let beside = Threshold { walkers: &walkers, crossings: &crossings, busy, looked: true };
-            events.extend(people.step_beside(now_s, at(10 * from_s + 2 * k), &[], beside).events);
+            let found = light(t).map(|place| Detection { significance: 500.0, ..clear(place) });
+            events.extend(people.step_beside(now_s, at(10 * from_s + 2 * k), found.as_slice(), beside).events);
         }
         events
     }
@@ -292,7 +392,7 @@ mod tests {
     fn who_walks_in_gets_a_number_and_a_track_and_who_walks_out_leaves_through_the_door() {
         let mut people = people();
         let seen = |[_, y]: [f64; 2]| (-1.0..0.3).contains(&y);
-        let events = walk(&mut people, 0, |t| [0.0, (-2.0 + 0.8 * t).min(1.5)], seen);
+        let events = walk(&mut people, 0, |t| [0.0, (-2.0 + 0.8 * t).min(1.5)], seen, |_| None);
         let told: Vec<_> = events.iter().map(|e| (e.kind, e.track)).collect();
         assert_eq!(told, [(EventKind::CrossIn, 1), (EventKind::Enter, 1)]);
         let crossing = &events[0];
@@ -303,7 +403,7 @@ mod tests {
         // Somebody who was in the room walks out.
         people.tracker.dismiss(1);
         let id = people.tracker.admit([0.0, 0.4], [0.0, -0.8], &[[0.02, 0.0], [0.0, 0.02]]);
-        let events = walk(&mut people, 5, |t| [0.0, 0.4 - 0.8 * t], seen);
+        let events = walk(&mut people, 5, |t| [0.0, 0.4 - 0.8 * t], seen, |_| None);
         let exits: Vec<_> = events.iter().filter(|e| e.kind == EventKind::Exit && e.track == id).collect();
         assert_eq!((exits[0].through, exits[0].reason), (Some(Through::Door), Some(ExitReason::Door)));
         assert!(events.iter().any(|e| e.kind == EventKind::CrossOut && e.track == id), "{events:?}");
@@ -318,5 +418,54 @@ mod tests {
         let lost = (10..60).flat_map(|k| people.step(0.1 * k as f64, at(k), &[]).events);
         let exits: Vec<_> = lost.filter(|e| e.kind == EventKind::Exit).collect();
         assert_eq!((exits[0].through, exits[0].reason), (None, Some(ExitReason::Entrance)));
+    }
+
+    #[test]
+    fn who_was_on_the_way_out_has_left_even_if_the_light_last_showed_them_elsewhere() {
+        let mut people = people();
+        let id = people.tracker.admit([0.1, 1.0], [1.1, 0.3], &[[0.01, 0.0], [0.0, 0.01]]);
+        let stray = |t: f64| Some([0.1 + 1.1 * t, 1.0 + 0.3 * t]).filter(|_| t < 2.0);
+        let events = walk(&mut people, 0, |t| [0.1, 1.0 - 0.8 * t], |[_, y]| (-1.0..0.15).contains(&y), stray);
+        let out: Vec<_> = events.iter().filter(|e| e.kind == EventKind::CrossOut).map(|e| e.track).collect();
+        assert_eq!(out, [id], "{events:?}");
+    }
+
+    #[test]
+    fn when_a_stranger_walks_out_nobody_is_known_to_be_inside_any_more() {
+        let mut people = people();
+        let known = |people: &People| people.predictions(5.0).all(|p| p.known);
+        people.tracker.admit([-0.9, 2.4], [0.0, 0.0], &[[0.01, 0.0], [0.0, 0.01]]);
+        assert!(known(&people));
+        let inside = |_| Some([-0.9, 2.4]);
+        let events = walk(&mut people, 0, |t| [0.1, 0.4 - 0.8 * t], |[_, y]| (-1.0..0.15).contains(&y), inside);
+        assert!(events.iter().any(|e| e.kind == EventKind::CrossOut && e.track == 2), "{events:?}");
+        assert!(!known(&people) && people.predictions(5.0).count() == 1);
+    }
+
+    #[test]
+    fn who_is_at_a_side_wall_may_leave_there_unseen() {
+        let mut people = people();
+        people.tracker.admit([1.3, 1.5], [0.0, 0.0], &[[0.01, 0.0], [0.0, 0.01]]);
+        walk(&mut people, 0, |_| [9.0, 9.0], |_| false, |t| Some([1.3, 1.5]).filter(|_| t < 0.5));
+        assert!(people.predictions(4.4).all(|p| !p.known));
+    }
+
+    #[test]
+    fn who_comes_in_is_followed_from_where_the_light_shows_them() {
+        let mut people = people();
+        let place = |t: f64| [0.0, (-2.0 + 0.8 * t).min(1.5)];
+        // The picture is 0.25 m off, the light is right.
+        let light = |t: f64| Some([-0.25, place(t)[1]]).filter(|[_, y]| *y > 0.15);
+        walk(&mut people, 0, place, |[_, y]| (-1.0..0.12).contains(&y), light);
+        let [track] = people.tracker.tracks() else { panic!("{:?}", people.tracker.tracks()) };
+        assert!((track.x_m + 0.25).abs() < 0.06, "{track:?}");
+    }
+
+    #[test]
+    fn weak_evidence_says_little_about_a_place() {
+        let spread =
+            |significance: f64| weighed(&Detection { significance, ..clear([0.0, 1.0]) }).covariance[0][0] / 0.01;
+        assert!((spread(60.0) - 1.0).abs() < 1e-6 && (spread(EVEN) - 2.0).abs() < 1e-9);
+        assert!(spread(0.0) > 100.0 && spread(-1e9).is_finite() && spread(1e9) >= 1.0);
     }
 }

@@ -163,6 +163,11 @@ impl Person {
         gone || lost || given_up || unseen_s >= settings.coast_s - ROUNDING_S
     }
 
+    /// Forgets that they were seen to come in: they may have left unseen.
+    pub fn doubt(&mut self) {
+        self.admitted = false;
+    }
+
     /// Whether they were seen to come in.
     pub fn is_known(&self) -> bool {
         self.admitted

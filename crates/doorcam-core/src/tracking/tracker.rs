@@ -193,6 +193,16 @@ impl Tracker {
         self.report();
     }
 
+    /// Takes it for possible that those who were seen to come in are no longer there.
+    pub fn doubt_all(&mut self) {
+        self.people.iter_mut().for_each(Person::doubt);
+    }
+
+    /// Like [`Self::doubt_all`], for one of them.
+    pub fn doubt(&mut self, id: u64) {
+        self.people.iter_mut().filter(|person| person.id == id).for_each(Person::doubt);
+    }
+
     /// A number for somebody who is not followed; it is not used again.
     pub fn number(&mut self) -> u64 {
         self.next_id += 1;

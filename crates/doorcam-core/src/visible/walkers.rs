@@ -20,6 +20,9 @@ const THRESHOLD_M: f64 = 0.12;
 const BACK_M: f64 = 0.3;
 /// Sightings this long before and after a crossing tell its time, in seconds.
 const AROUND_S: f64 = 0.7;
+/// Two people do not turn around at one place within so many metres and seconds: there is no room for both.
+const ONE_PLACE_M: f64 = 0.4;
+const ONE_PLACE_S: f64 = 0.6;
 /// Speeds of people who walk, in m/s.
 const SPEED_M_S: std::ops::RangeInclusive<f64> = 0.1..=3.0;
 /// Most walkers at once.
@@ -94,6 +97,8 @@ pub struct Walkers {
     next: u64,
     last_s: Option<f64>,
     crossings: Vec<Crossing>,
+    /// The last one who turned around.
+    turned: Option<Crossing>,
 }
 
 impl Walkers {
@@ -106,6 +111,7 @@ impl Walkers {
             next: 0,
             last_s: None,
             crossings: Vec::with_capacity(MOST),
+            turned: None,
         }
     }
 
@@ -136,10 +142,22 @@ impl Walkers {
                 None => {}
             }
         }
-        let Self { all, crossings, half_width_m, face_m, .. } = self;
+        let Self { all, crossings, half_width_m, face_m, turned, .. } = self;
         for walker in all.iter_mut().filter(|walker| walker.is_somebody()) {
             let gone = seconds - walker.last_s > GONE_S;
-            crossings.extend(walker.crossing(*half_width_m, *face_m, gone));
+            let Some(crossing) = walker.crossing(*half_width_m, *face_m, gone) else { continue };
+            if crossing.direction == Direction::Back {
+                // A body that was taken for two for a moment has turned around once.
+                let again = turned.is_some_and(|last| {
+                    (crossing.seconds - last.seconds).abs() < ONE_PLACE_S
+                        && (crossing.x_m - last.x_m).abs() < ONE_PLACE_M
+                });
+                *turned = Some(crossing);
+                if again {
+                    continue;
+                }
+            }
+            crossings.push(crossing);
         }
         all.retain(|walker| seconds - walker.last_s <= GONE_S);
         &self.crossings
@@ -285,5 +303,19 @@ mod tests {
         let both = told(|t| [0.0, 1.0 - 0.7 * (t - 5.0).abs()]);
         let directions: Vec<_> = both.iter().map(|c| c.0).collect();
         assert_eq!(directions, [Direction::In, Direction::Out]);
+    }
+
+    #[test]
+    fn who_is_taken_for_two_turns_around_once() {
+        let mut walkers = Walkers::new(&DOORWAY);
+        let mut turned = 0;
+        for k in 0..60 {
+            let t = 0.2 * f64::from(k);
+            let y = -0.08 - 0.7 * (t - 4.0).abs();
+            let sighting = |position| Sighting { position, covariance: [[0.01, 0.0], [0.0, 0.01]], cells: 200 };
+            let both = [sighting([0.0, y]), sighting([0.2, y - 0.05])];
+            turned += walkers.step(t, if y > -1.2 { &both } else { &[] }).len();
+        }
+        assert_eq!(turned, 1);
     }
 }
