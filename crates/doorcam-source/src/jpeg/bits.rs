@@ -1,6 +1,6 @@
 //! Bit reader for entropy-coded data.
 
-use super::exact::Broken;
+use super::broken::Broken;
 
 /// The bits of entropy-coded data between two markers. Past the end it supplies zeros, and counts them.
 #[derive(Debug)]

@@ -9,6 +9,7 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::bits::Bits;
+use super::broken::Broken;
 use super::colour::{Scratch, Strip, write_row};
 use super::header::{Colours, Component, Header, Quantisation};
 use super::huffman::{Huffman, Tables};
@@ -16,16 +17,6 @@ use super::idct::{Block, ORDER, inverse};
 use super::outline::Outline;
 use crate::image_error::{ImageError, check_size};
 use doorcam_core::image::Image;
-
-/// What is wrong with a JPEG's data.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Broken(pub &'static str);
-
-impl From<Broken> for ImageError {
-    fn from(Broken(reason): Broken) -> Self {
-        ImageError::Jpeg(reason.into())
-    }
-}
 
 /// Decodes JPEG after JPEG, reusing its buffers.
 #[derive(Debug, Clone)]

@@ -1,7 +1,7 @@
 //! Huffman tables and decoding (T.81, annexes C and F).
 
 use super::bits::{Bits, extended};
-use super::exact::Broken;
+use super::broken::Broken;
 use super::standard;
 
 /// Bits of the lookup table that decodes most codes in one step.

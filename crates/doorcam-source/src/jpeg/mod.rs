@@ -1,6 +1,7 @@
 //! Decodes JPEGs as webcams send them: some lack Huffman tables, are padded or cut short.
 
 mod bits;
+mod broken;
 mod colour;
 mod eight;
 mod exact;
