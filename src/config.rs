@@ -1,4 +1,5 @@
-//! The configuration file: every key, its default and its range. `config/doorcam.toml` shows them all.
+//! The configuration file: every key, its default and its range. `config/doorcam.toml` shows them all. The defaults of
+//! what the engine does are the engine's own.
 
 mod access;
 mod background;
@@ -32,6 +33,7 @@ use doorcam_core::schema;
 use doorcam_core::solver::{Lambda, ModelKind};
 use doorcam_core::tracking::Zone;
 use doorcam_core::transport::Kernel;
+use doorcam_engine::{PatchSettings, Settings, SolverSettings};
 use doorcam_source::files::{self, FileKind};
 
 /// A configuration that cannot be used. The message is one line that names the file, the line or key, and what was
@@ -134,13 +136,16 @@ pub struct GridConfig {
 
 impl Default for GridConfig {
     fn default() -> Self {
-        let published = GridSpec::published();
-        Self {
-            angular_step_deg: 180.0 / published.intervals as f64,
-            min_angle_deg: published.min_angle.to_degrees(),
-            edge_clearance_m: published.edge_clearance_m,
-            near_sum_m: published.near_sum_m,
-        }
+        Settings::default().grid.into()
+    }
+}
+
+impl From<GridSpec> for GridConfig {
+    fn from(grid: GridSpec) -> Self {
+        // The room is a section of its own.
+        let GridSpec { room: _, intervals, min_angle, edge_clearance_m, near_sum_m } = grid;
+        let (angular_step_deg, min_angle_deg) = (180.0 / intervals as f64, min_angle.to_degrees());
+        Self { angular_step_deg, min_angle_deg, edge_clearance_m, near_sum_m }
     }
 }
 
@@ -170,7 +175,14 @@ pub struct Rectangle {
 
 impl Default for PatchConfig {
     fn default() -> Self {
-        Self { fov_m: 0.3, pixels: 64, exclude: Vec::new() }
+        Settings::default().patch.into()
+    }
+}
+
+impl From<PatchSettings> for PatchConfig {
+    fn from(PatchSettings { fov_m, pixels, exclude }: PatchSettings) -> Self {
+        let exclude = exclude.into_iter().map(|[from_m, to_m]| Rectangle { from_m, to_m }).collect();
+        Self { fov_m, pixels, exclude }
     }
 }
 
@@ -186,7 +198,8 @@ pub struct TransportConfig {
 
 impl Default for TransportConfig {
     fn default() -> Self {
-        Self { kernel: Kernel::Radiometric, facet_height_m: 2.0 }
+        let Settings { kernel, facet_height_m, .. } = Settings::default();
+        Self { kernel, facet_height_m }
     }
 }
 
@@ -209,7 +222,8 @@ pub struct SolverConfig {
 
 impl Default for SolverConfig {
     fn default() -> Self {
-        Self { model: ModelKind::Signed, lambda: Lambda::Auto, lambda_factor: 1.0, lambda_share: 0.2, max_steps: 400 }
+        let SolverSettings { model, lambda, lambda_factor, lambda_share, max_steps } = Settings::default().solver;
+        Self { model, lambda, lambda_factor, lambda_share, max_steps }
     }
 }
 
@@ -225,7 +239,8 @@ pub struct SceneConfig {
 
 impl Default for SceneConfig {
     fn default() -> Self {
-        Self { unified_threshold: 0.07, brightness: Brightness::Measured }
+        let Settings { unified_threshold, brightness, .. } = Settings::default();
+        Self { unified_threshold, brightness }
     }
 }
 
@@ -269,12 +284,13 @@ impl Config {
     /// This configuration with the preset's values in place of its own.
     pub fn with_preset(mut self, preset: Option<Preset>) -> Self {
         if let Some(Preset::Published) = preset {
-            self.room = Room::default();
-            self.grid = GridConfig::default();
-            self.patch = PatchConfig { fov_m: 0.15, pixels: 64, ..self.patch };
-            self.transport = TransportConfig { kernel: Kernel::Published, facet_height_m: 2.0 };
-            self.solver.model = ModelKind::Published;
-            self.scene.brightness = Brightness::Shrunk;
+            let Settings { grid, patch, kernel, facet_height_m, solver, brightness, .. } = Settings::published();
+            self.room = grid.room;
+            self.grid = grid.into();
+            self.patch = PatchConfig { exclude: self.patch.exclude, ..patch.into() };
+            self.transport = TransportConfig { kernel, facet_height_m };
+            self.solver.model = solver.model;
+            self.scene.brightness = brightness;
         }
         self.preset = preset;
         self

@@ -6,6 +6,7 @@ use utoipa::ToSchema;
 
 use super::{ConfigError, within};
 use doorcam_core::light::Averaging;
+use doorcam_engine::{AveragingSettings, BackgroundSettings, Settings};
 
 /// `[background]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -36,17 +37,18 @@ pub struct BackgroundConfig {
 
 impl Default for BackgroundConfig {
     fn default() -> Self {
+        let settings = BackgroundSettings::default();
         Self {
-            learn_s: 5.0,
-            learn_max_s: 30.0,
-            relearn_s: 2.0,
-            adapt_s: 60.0,
-            absorb_s: 1800.0,
-            cover_s: 10.0,
-            rebuild_s: 300.0,
-            light_step: 0.02,
-            save_s: 600.0,
-            keep_s: 43_200.0,
+            learn_s: settings.learn_s,
+            learn_max_s: settings.learn_max_s,
+            relearn_s: settings.relearn_s,
+            adapt_s: settings.adapt_s,
+            absorb_s: settings.absorb_s,
+            cover_s: settings.cover_s,
+            rebuild_s: settings.rebuild_s,
+            light_step: settings.light_step,
+            save_s: settings.save_s,
+            keep_s: settings.keep_s,
         }
     }
 }
@@ -80,7 +82,8 @@ pub struct AveragingConfig {
 
 impl Default for AveragingConfig {
     fn default() -> Self {
-        Self { mode: Averaging::None, time_s: 0.5 }
+        let AveragingSettings { mode, time_s } = Settings::default().averaging;
+        Self { mode, time_s }
     }
 }
 

@@ -9,6 +9,7 @@ use utoipa::ToSchema;
 use super::{ConfigError, within};
 use doorcam_core::optics::{Lens, Transfer};
 use doorcam_core::schema;
+use doorcam_engine::Settings;
 use doorcam_source::camera::{CameraOptions, ControlSettings, PixelFormat, Setting, Wish};
 
 /// `[storage]`
@@ -75,6 +76,7 @@ pub struct CameraConfig {
 
 impl Default for CameraConfig {
     fn default() -> Self {
+        let Settings { transfer, follow_px, .. } = Settings::default();
         Self {
             size: [640, 480],
             fps: 15.0,
@@ -85,10 +87,11 @@ impl Default for CameraConfig {
             focus: Setting::Lock,
             power_line: Setting::Leave,
             settle_s: 2.0,
-            transfer: Transfer::Srgb,
+            transfer,
+            // No lens: an image without distortion.
             distortion: [0.0; 2],
             focal_px: 0.0,
-            follow_px: 10.0,
+            follow_px,
         }
     }
 }

@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use doorcam_engine::Settings;
+
 /// `[crossings]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -13,7 +15,7 @@ pub struct CrossingsConfig {
 
 impl Default for CrossingsConfig {
     fn default() -> Self {
-        Self { enabled: true }
+        Self { enabled: Settings::default().crossings }
     }
 }
 

@@ -67,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_defaults_are_the_engines_defaults() {
+    fn defaults_and_presets_are_the_engines_own() {
         let of_file = |preset| Config::default().with_preset(preset).settings();
         assert_eq!(of_file(None), Settings::default());
         assert_eq!(of_file(Some(Preset::Published)), Settings::published());

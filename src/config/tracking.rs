@@ -7,6 +7,7 @@ use super::{ConfigError, brief, topic_level, within};
 use doorcam_core::geometry::Room;
 use doorcam_core::tracking::likelihood::MOST_PEOPLE;
 use doorcam_core::tracking::{Dwelling, TrackerSettings, Zone};
+use doorcam_engine::Settings;
 
 /// Most zones that may be configured.
 const MOST_ZONES: usize = 32;
@@ -39,16 +40,10 @@ pub struct TrackerConfig {
 
 impl Default for TrackerConfig {
     fn default() -> Self {
-        Self {
-            confirm_s: 0.4,
-            coast_s: 1.5,
-            margin_m: 0.2,
-            body_radius_m: 0.2,
-            max_people: MOST_PEOPLE,
-            dwell_s: 10.0,
-            dwell_radius_m: 0.4,
-            history_s: 30.0,
-        }
+        let Settings { tracker, dwelling, .. } = Settings::default();
+        let TrackerSettings { room: _, margin_m, body_radius_m, confirm_s, coast_s, max_people } = tracker;
+        let Dwelling { seconds: dwell_s, radius_m: dwell_radius_m } = dwelling;
+        Self { confirm_s, coast_s, margin_m, body_radius_m, max_people, dwell_s, dwell_radius_m, history_s: 30.0 }
     }
 }
 
