@@ -1,8 +1,10 @@
 //! Messages to a real broker. Without Debian's mosquitto and mosquitto-clients, these tests are skipped and say so.
 
+mod ends;
+
 use crate::common;
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader};
 use std::net::{TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -463,55 +465,4 @@ fn two_doorcams_of_one_id_do_not_fight_and_say_that_there_are_two() {
     subscriber.wait_for("the other", |topic, payload| (topic, payload) == ("doorcam/hall/availability", "online"));
     drop(one);
     assert_eq!(mqtt(&start("one"))["client_id"], id, "the same after a restart");
-}
-
-#[test]
-fn a_copied_storage_directory_is_told_by_its_pattern() {
-    if !installed() {
-        return;
-    }
-    let (directory, port) = (tempfile::tempdir().unwrap(), free_port());
-    let _broker = broker(directory.path(), port, "allow_anonymous true\n");
-    let config = config(directory.path(), port, "");
-    let start = |storage: &str| {
-        let storage = directory.path().join(storage);
-        std::fs::create_dir(&storage).unwrap();
-        std::fs::write(storage.join("client-id"), "0123456789abcdef\n").unwrap();
-        Daemon::start(SOURCE, &["--config", &config, "--storage", storage.to_str().unwrap()])
-    };
-    let daemons = [start("one"), start("copy")];
-    let warning = |status: &Value| status["publish"]["mqtt"]["warning"].as_str().unwrap_or_default().to_owned();
-    for daemon in &daemons {
-        let status = daemon.wait_for("the warning", |status| warning(status).contains("another client may have"));
-        assert!(warning(&status).contains("\"doorcam-hall-0123456789abcdef\""), "{status}");
-    }
-}
-
-#[test]
-fn a_broker_that_takes_connections_and_ends_them_is_left_in_peace() {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let port = listener.local_addr().unwrap().port();
-    let (tell, connected) = channel();
-    std::thread::spawn(move || {
-        for stream in listener.incoming() {
-            let mut stream = stream.unwrap();
-            // Whatever it says to begin with, it is welcome: CONNACK.
-            if stream.read(&mut [0; 1024]).is_ok_and(|read| read > 0) && stream.write_all(&[0x20, 2, 0, 0]).is_ok() {
-                let _ = tell.send(Instant::now());
-            }
-        }
-    });
-    let directory = tempfile::tempdir().unwrap();
-    let daemon = Daemon::start(SOURCE, &["--config", &config(directory.path(), port, "")]);
-    let times: Vec<Instant> = (0..6).map(|_| connected.recv_timeout(LONG).expect("a connection")).collect();
-    // Half of 0.5, 1, 2, 4 and 8 s at least; a busy machine only makes it longer.
-    for (k, pair) in times.windows(2).enumerate() {
-        let least = Duration::from_millis(250 << k);
-        assert!(pair[1] - pair[0] >= least, "{k}: {:?}", pair[1] - pair[0]);
-    }
-    let status = daemon.wait_for("the warning", |status| status["publish"]["mqtt"]["warning"].is_string());
-    assert!(status["publish"]["mqtt"]["warning"].as_str().unwrap().contains("ends each connection"), "{status}");
-    let lines = |words: &str| daemon.log().matches(words).count();
-    assert_eq!((lines("connected, publishing"), lines("ends each connection")), (1, 1), "{}", daemon.log());
-    assert!(lines("trying again") <= 2, "{}", daemon.log());
 }
