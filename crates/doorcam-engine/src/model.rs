@@ -197,6 +197,12 @@ impl Model {
         self.bodies
             .get_or_init(|| BodyTable::new(&self.doorway, &self.patch, &self.fans, self.body_radius_m, BODY_HEIGHT_M))
     }
+
+    /// Whether [`Self::bodies`] has been called.
+    #[cfg(test)]
+    pub(crate) fn knows_bodies(&self) -> bool {
+        self.bodies.get().is_some()
+    }
 }
 
 /// Whether a floor point lies in the rectangle with these opposite corners.
