@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use doorcam_engine::simulation::luminous::{Scenario, write_recording};
-use doorcam_engine::{BENCH_FRAMES, BenchReport, Quantiles, bench};
+use doorcam_engine::{BENCH_FRAMES, BenchReport, Looking, Quantiles, bench};
 use doorcam_source::recording::{Entry, Recording};
 use doorcam_source::{Purpose, RawFrame, SkipTally};
 
@@ -17,12 +17,16 @@ use doorcam::feed::open_recording;
 /// Files are read beforehand. For comparison, the authors' accelerated iteration in Gram form is run in the same
 /// process: 500 of its 20,000 steps, with the time scaled up.
 ///
+/// If the recording shows more than the patches, "with looking around" is the mean time of a frame with tracking, the
+/// visible side and the watch over the camera, and "without" the same without these two.
+///
 /// The first 200 frames after background_frames are used, over and over, forwards and then backwards. Frames with an
 /// empty map are quick to solve and are left out, unless there are no others.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-With --json, one object: project_ms, cold_ms, warm_ms, frame_ms (p50 and p99 each), published_iteration_ms (p50),
-facets, and pixels (those used, in both patches together).
+With --json, one object: project_ms, cold_ms, warm_ms, frame_ms (p50 and p99 each), looking (with_ms, without_ms,
+ratio; null for recordings of patches), published_iteration_ms (p50), facets, and pixels (those used, in both patches
+together).
 
 Examples:
   doorcam bench
@@ -106,10 +110,16 @@ fn load(recording: &Recording) -> anyhow::Result<Vec<RawFrame>> {
 }
 
 fn table(report: &BenchReport) -> String {
-    let BenchReport { project_ms, cold_ms, warm_ms, frame_ms, published_iteration_ms, .. } = report;
+    let BenchReport { project_ms, cold_ms, warm_ms, frame_ms, looking, published_iteration_ms, .. } = report;
     let row = |name: &str, ms: &Quantiles| format!("{name:<22}{:>10.3}{:>10.3}\n", ms.p50, ms.p99);
     let published = published_iteration_ms.p50;
     let ratio = |name: &str, p50: f64| format!("published iteration / {name}{:>10.0}\n", published / p50);
+    let looking = looking.map_or_else(String::new, |Looking { with_ms, without_ms, ratio }| {
+        format!(
+            "{:<22}{:>10}\n{:<22}{with_ms:>10.3}\n{:<22}{without_ms:>10.3}\n{:<22}{ratio:>10.2}\n\n",
+            "milliseconds, tracked", "mean", "with looking around", "without", "ratio"
+        )
+    });
     [
         format!("{} facets, {} pixels, {} frames\n\n", report.facets, report.pixels, report.frames),
         format!("{:<22}{:>10}{:>10}\n", "milliseconds", "p50", "p99"),
@@ -120,6 +130,7 @@ fn table(report: &BenchReport) -> String {
         format!("{:<22}{published:>10.0}\n", "published iteration"),
         format!("{:<22}{:>10.0}\n", "set up a doorway", report.model_ms),
         format!("{:<22}{:>10.0}\n\n", "set up a background", report.problem_ms),
+        looking,
         ratio("cold", cold_ms.p50),
         ratio("warm", warm_ms.p50),
         "The published iteration is 20,000 steps; the time is scaled from 500.\n".into(),

@@ -22,6 +22,7 @@ pub struct Assembly {
     settings: Arc<Settings>,
     warm_start: bool,
     following: bool,
+    looking: bool,
     background: BackgroundPlan,
     kept: Option<KeptBackground>,
     /// The first track id and event number.
@@ -65,6 +66,7 @@ impl Assembly {
             settings: Arc::new(settings),
             warm_start: true,
             following: true,
+            looking: true,
             background: BackgroundPlan::Given,
             kept: None,
             first: [1, 0],
@@ -92,6 +94,12 @@ impl Assembly {
     /// Makes maps only, without looking for people.
     pub fn without_people(mut self) -> Self {
         self.following = false;
+        self
+    }
+
+    /// Does not look at more than the patches, to measure what the rest costs.
+    pub(crate) fn without_looking_around(mut self) -> Self {
+        self.looking = false;
         self
     }
 
@@ -188,6 +196,18 @@ impl Assembly {
     }
 }
 
+/// What depends on where the camera looks.
+pub(crate) struct Sight {
+    pub(crate) reader: FrameReader,
+    /// In words why not, if the camera's own side is not looked at.
+    pub(crate) visible: Result<VisibleSide, String>,
+}
+
+fn visible_side(reader: &FrameReader, model: &Model) -> Result<VisibleSide, String> {
+    let (camera, size) = reader.camera().ok_or("the recording shows only the patches")?;
+    VisibleSide::new(camera, size, &model.doorway, &reader.patch()).map_err(str::to_owned)
+}
+
 /// The parts that an engine is built from, and rebuilt from after a panic.
 #[derive(Clone)]
 pub(crate) struct Parts {
@@ -214,8 +234,33 @@ impl Parts {
     /// # Errors
     /// In words, why it is not looked at.
     pub(crate) fn visible_side(&self) -> Result<VisibleSide, String> {
-        let (camera, size) = self.reader.camera().ok_or("the recording shows only the patches")?;
-        VisibleSide::new(camera, size, &self.model.doorway, &self.reader.patch()).map_err(str::to_owned)
+        if !self.plan.looking {
+            return Err("it is not looked at".into());
+        }
+        visible_side(&self.reader, &self.model)
+    }
+
+    /// Where long work runs.
+    pub(crate) fn work(&self) -> Work {
+        match self.plan.background {
+            BackgroundPlan::Given => Work::InPlace,
+            BackgroundPlan::Rolling(work) => work,
+        }
+    }
+
+    /// Sets up, when called, what depends on where the camera looks, for the same camera with another calibration:
+    /// `None` if it does not show all that it should. Takes longer than a frame.
+    pub(crate) fn sight(&self, calibration: &Calibration) -> impl FnOnce() -> Option<Sight> + Clone + Send + 'static {
+        let (settings, model) = (Arc::clone(&self.plan.settings), Arc::clone(&self.model));
+        let calibration = calibration.clone();
+        move || {
+            let reader = FrameReader::for_calibration(&settings, &calibration).ok()?;
+            let unseen =
+                |now: &[bool], counted: &[bool]| counted.iter().zip(now).any(|(&counted, &seen)| counted && !seen);
+            let seen = reader.seen()?;
+            let lost = seen.iter().zip(&model.counted).any(|(now, counted)| unseen(now, counted));
+            (!lost).then(|| Sight { visible: visible_side(&reader, &model), reader })
+        }
     }
 
     pub(crate) fn background(&self) -> BackgroundPlan {
@@ -240,22 +285,13 @@ impl Parts {
     /// What watches whether the camera moves; none for recordings of rectified patches. The reference picture is kept
     /// beside the background.
     pub(crate) fn alignment(&self) -> Option<Alignment> {
-        let work = match self.plan.background {
-            BackgroundPlan::Given => Work::InPlace,
-            BackgroundPlan::Rolling(work) => work,
-        };
+        if !self.plan.looking {
+            return None;
+        }
+        let work = self.work();
         let store = self.plan.kept.as_ref().map(|kept| (kept.file.with_file_name("reference.bin"), work));
         let patch = self.reader.patch();
         Alignment::new(self.calibration.as_ref()?, &patch, self.plan.settings.follow_px, store)
-    }
-
-    /// A reader for the same camera with another calibration; `None` if it does not show all that it should.
-    pub(crate) fn reader_for(&self, calibration: &Calibration) -> Option<FrameReader> {
-        let reader = FrameReader::for_calibration(&self.plan.settings, calibration).ok()?;
-        let unseen = |now: &[bool], counted: &[bool]| counted.iter().zip(now).any(|(&counted, &seen)| counted && !seen);
-        let seen = reader.seen()?;
-        let lost = seen.iter().zip(&self.model.counted).any(|(now, counted)| unseen(now, counted));
-        (!lost).then_some(reader)
     }
 
     /// Builds engines for another calibration and reader from now on.

@@ -1,3 +1,5 @@
+mod looking;
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -12,6 +14,7 @@ use doorcam_core::solver::{
 };
 use doorcam_source::recording::Manifest;
 use doorcam_source::{Purpose, RawFrame, SkippedFrame};
+pub use looking::Looking;
 
 /// Maximum number of frames after the empty room that are used: they are kept in memory, still encoded.
 pub const BENCH_FRAMES: usize = 200;
@@ -34,6 +37,8 @@ pub struct BenchReport {
     pub warm_ms: Quantiles,
     /// From the encoded frame to the serialised update, with a warm start.
     pub frame_ms: Quantiles,
+    /// What looking at the whole picture costs; null if the recording shows only patches.
+    pub looking: Option<Looking>,
     /// The authors' 20,000 accelerated steps in Gram form, extrapolated from fewer.
     pub published_iteration_ms: Median,
     /// Facets of the grid, N.
@@ -103,7 +108,9 @@ pub fn bench(
     let (mut reader, model) = set_up(settings, manifest)?;
     let model_time = start.elapsed();
     let visits = VISITS.max(frames.len());
-    let all = frames.len() + 3 * visits + PUBLISHED_FRAMES;
+    let rounds = looking::ROUNDS.max(visits.div_ceil(frames.len().max(1)));
+    let looks = if manifest.calibration().is_some() { rounds * frames.len() } else { 0 };
+    let all = frames.len() + 3 * visits + PUBLISHED_FRAMES + looks;
     let mut done = 0;
     let mut each = || {
         done += 1;
@@ -120,7 +127,10 @@ pub fn bench(
     let published = published_iteration(&model, &mut reader, &measured, &solved, &mut each)?;
     let engine = Assembly::new(settings.clone()).without_people().for_recording(manifest)?;
     let whole = whole_frames(engine, &measured.empty, &solved, visits, &mut each)?;
+    let others: Vec<&RawFrame> = projected.iter().map(|projected| projected.frame).collect();
+    let looking = looking::measure(settings, manifest, &measured.empty, &others, rounds, &mut each)?;
     Ok(BenchReport {
+        looking,
         frames: solved.len(),
         project_ms: quantiles(&measured.times),
         cold_ms: quantiles(&cold),

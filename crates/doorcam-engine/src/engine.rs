@@ -3,8 +3,8 @@ use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
 
-use crate::alignment::Alignment;
-use crate::assembly::{BackgroundPlan, Parts};
+use crate::alignment::{Alignment, Followed};
+use crate::assembly::{BackgroundPlan, Parts, Sight};
 use crate::background::{FrameLight, Job, Keeper, KeeperError, Spaced, Work};
 use crate::people::{People, Threshold};
 use crate::validity::Validity;
@@ -40,6 +40,8 @@ pub struct Engine {
     pair: PatchPair,
     /// `None` if the frames are rectified patches.
     alignment: Option<Alignment>,
+    /// What is being set up for a calibration that is to follow the camera.
+    moving: Option<(Job<Option<Sight>>, Followed)>,
     /// A calibration that followed the camera, until it is taken.
     followed: Option<Calibration>,
     sequence: u64,
@@ -98,6 +100,7 @@ impl Engine {
             _bodies: bodies,
             keeper,
             alignment: parts.alignment(),
+            moving: None,
             followed: None,
             parts,
         }
@@ -182,10 +185,18 @@ impl Engine {
     pub fn step(&mut self, frame: &RawFrame, time: Timestamp) -> Result<Published, StepError> {
         let start = Instant::now();
         self.parts.plan.meet(frame);
-        let off = self.look_around(frame, time);
-        let thumbnail = self.visible.as_mut().ok().and_then(|visible| visible.due(frame.seconds));
-        let looked = thumbnail.is_some();
-        let read = self.reader.read_with(frame, &mut self.pair, thumbnail)?;
+        self.take_sight();
+        let looked = self.visible.as_ref().is_ok_and(|visible| visible.is_due(frame.seconds));
+        let aligns = self.moving.is_none()
+            && self.alignment.as_ref().is_some_and(|alignment| alignment.is_due(frame.seconds, looked));
+        let decode = self.reader.decode(frame, looked || aligns)?;
+        if aligns {
+            self.look_around(frame, time);
+        }
+        let off = self.alignment.as_ref().is_some_and(Alignment::is_off);
+        let thumbnail = self.visible.as_mut().ok().filter(|_| looked).map(VisibleSide::picture);
+        let rest = self.reader.rectify(frame, &mut self.pair, thumbnail)?;
+        let read = ReadTimes { decode: decode + rest.decode, ..rest };
         let model = self.reconstructor.model().clone();
         let view = self.judge_view(frame, looked);
         let (pair, excess) = self.averager.push(&self.pair, frame.seconds);
@@ -256,24 +267,42 @@ impl Engine {
         Ok(Published { patches, detections, sensing, reference, ..Published::new(update, scene, difference) })
     }
 
-    /// Looks whether the camera has moved, and follows it if it may. Returns whether a map would be wrong.
-    fn look_around(&mut self, frame: &RawFrame, time: Timestamp) -> bool {
-        let Some(alignment) = &mut self.alignment else { return false };
-        if let Some(followed) = alignment.look(frame, time) {
-            match self.parts.reader_for(&followed.calibration) {
-                Some(mut reader) => {
-                    reader.continue_from(&self.reader);
-                    self.reader = reader.clone();
-                    self.parts.follow(followed.calibration.clone(), reader);
-                    self.averager.restart();
-                    self.visible = self.parts.visible_side();
-                    alignment.use_followed(&followed);
-                    self.followed = Some(followed.calibration);
-                }
-                None => alignment.refuse(&followed),
+    /// Looks at the whole picture that was decoded, whether the camera has moved. If the calibration may follow it,
+    /// what depends on that is set up beside the frames; until then there is no map.
+    fn look_around(&mut self, frame: &RawFrame, time: Timestamp) {
+        let Some(alignment) = &mut self.alignment else { return };
+        if let Some(followed) = alignment.look(self.reader.decoded(), frame.seconds, time) {
+            let work = self.parts.work();
+            let sight = Job::start(work, "follow", self.parts.sight(&followed.calibration));
+            self.moving = Some((sight, followed));
+            if work == Work::InPlace {
+                self.take_sight();
             }
         }
-        alignment.is_off()
+    }
+
+    /// Uses a calibration that follows the camera, as soon as all that depends on it is set up.
+    fn take_sight(&mut self) {
+        let Some((job, followed)) = self.moving.take() else { return };
+        let sight = match job.poll() {
+            Ok(sight) => sight.flatten(),
+            Err(running) => {
+                self.moving = Some((running, followed));
+                return;
+            }
+        };
+        let Some(alignment) = &mut self.alignment else { return };
+        let Some(Sight { mut reader, visible }) = sight else {
+            alignment.refuse(&followed);
+            return;
+        };
+        self.parts.follow(followed.calibration.clone(), reader.clone());
+        reader.continue_from(&mut self.reader);
+        self.reader = reader;
+        self.averager.restart();
+        self.visible = visible;
+        alignment.use_followed(&followed);
+        self.followed = Some(followed.calibration);
     }
 
     /// Tells the watch over the camera what came of the frame, and the update how the camera has moved.
@@ -400,3 +429,7 @@ fn timing(read: ReadTimes, solved: Option<&Reconstruction>, start: Instant) -> T
         total: ms(start.elapsed()),
     }
 }
+
+#[cfg(test)]
+#[path = "engine_tests.rs"]
+mod tests;

@@ -88,7 +88,6 @@ pub mod evaluation;
 #[cfg(feature = "figures")]
 pub mod figures;
 mod model;
-mod overview;
 mod people;
 mod problem;
 mod published_iteration;
@@ -107,7 +106,7 @@ mod visible_side;
 pub use alignment::CameraMoved;
 pub use assembly::Assembly;
 pub use background::Work;
-pub use bench::{BENCH_FRAMES, BenchError, BenchReport, Median, Quantiles, bench};
+pub use bench::{BENCH_FRAMES, BenchError, BenchReport, Looking, Median, Quantiles, bench};
 pub use engine::{Engine, StepError};
 pub use model::{Model, SetupError};
 pub use people::People;

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 use crate::{Model, Preprocessing, Settings, SetupError};
 use doorcam_core::calibration::{Calibration, Camera};
 use doorcam_core::geometry::Side;
+use doorcam_core::image::Image;
 use doorcam_core::light::{CameraRectifier, Decoding, Filter, LightTable, PatchPair, PatchRectifier};
 use doorcam_core::optics::Transfer;
 use doorcam_core::transport::PatchGrid;
@@ -92,8 +93,9 @@ impl FrameReader {
         }
     }
 
-    /// Goes on counting where another reader stopped.
-    pub(crate) fn continue_from(&mut self, before: &Self) {
+    /// Takes over from another reader of the same camera, with what it has decoded.
+    pub(crate) fn continue_from(&mut self, before: &mut Self) {
+        std::mem::swap(&mut self.decoder, &mut before.decoder);
         self.without_end = before.without_end;
     }
 
@@ -126,68 +128,88 @@ impl FrameReader {
     ///
     /// If an image cannot be decoded, has another size, or is not of the kind that this reader expects.
     pub fn read(&mut self, frame: &RawFrame, pair: &mut PatchPair) -> Result<ReadTimes, SkippedFrame> {
-        self.read_with(frame, pair, None)
+        let decode = self.decode(frame, false)?;
+        let rest = self.rectify(frame, pair, None)?;
+        Ok(ReadTimes { decode: decode + rest.decode, ..rest })
     }
 
-    /// Like [`Self::read`], and fills a thumbnail of all that the camera sees, if one is wanted. Takes longer then,
-    /// because the whole image is decoded.
+    /// The first half of [`Self::read`], for a camera's frame: decodes what the patches need, or the `whole` picture,
+    /// which takes two to three times as long. Returns how long it took.
     ///
     /// # Errors
     ///
     /// As [`Self::read`].
-    pub fn read_with(
+    pub(crate) fn decode(&mut self, frame: &RawFrame, whole: bool) -> Result<Duration, SkippedFrame> {
+        let start = Instant::now();
+        let Rectifier::Camera(camera, rows) = &self.rectifier else { return Ok(Duration::ZERO) };
+        let size = camera.image_size();
+        let rows = if whole { 0..size.1 } else { rows.clone() };
+        let image = match &frame.images {
+            RawImages::Camera(bytes) => self.decoder.decode_rows(bytes, Some(size), rows),
+            RawImages::Sensor(format, bytes) => self.decoder.decode_sensor(format, bytes, rows),
+            RawImages::Patches(_) => return Err(unfit(frame, "a pair of patches, expected a camera's image")),
+        };
+        let image = image.map_err(|e| SkippedFrame::undecoded(&*frame.name, &e))?;
+        camera.check(image).map_err(|e| unfit(frame, &e.to_string()))?;
+        let lacked_end = !matches!(frame.images, RawImages::Sensor(..)) && self.decoder.lacked_end();
+        self.without_end += u64::from(lacked_end);
+        Ok(start.elapsed())
+    }
+
+    /// What was decoded last: all of the picture, if that was asked for.
+    pub(crate) fn decoded(&self) -> &Image {
+        self.decoder.image()
+    }
+
+    /// The second half of [`Self::read`]: writes the patches of what was decoded into `pair`, and fills a thumbnail of
+    /// all that the camera sees, if one is wanted, for which the whole picture must have been decoded.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`].
+    pub(crate) fn rectify(
         &mut self,
         frame: &RawFrame,
         pair: &mut PatchPair,
         thumbnail: Option<&mut Thumbnail>,
     ) -> Result<ReadTimes, SkippedFrame> {
-        let unfit = |reason: &str| SkippedFrame::new(&*frame.name, SkipKind::Unfit, reason);
         let mut times = ReadTimes::default();
-        let mut timed =
-            |slot: fn(&mut ReadTimes) -> &mut Duration, start: Instant| *slot(&mut times) += start.elapsed();
-        let decoder = &mut self.decoder;
-        let mut lacked_end = false;
         match (&mut self.rectifier, &frame.images) {
+            (Rectifier::Camera(camera, _), _) => {
+                let start = Instant::now();
+                let image = self.decoder.image();
+                camera.apply(image, &self.table, pair).map_err(|e| unfit(frame, &e.to_string()))?;
+                if let Some(thumbnail) = thumbnail {
+                    thumbnail.fill(image, &self.table);
+                }
+                times.rectify += start.elapsed();
+            }
             (Rectifier::Patches(rectifiers), RawImages::Patches(images)) => {
+                let decoder = &mut self.decoder;
+                let mut lacked_end = false;
                 for ((side, rectifier), bytes) in Side::BOTH.into_iter().zip(rectifiers).zip(images) {
                     let start = Instant::now();
                     let image = decoder.decode(bytes, None).map_err(|e| {
                         SkippedFrame::undecoded(frame.name.replace("_left.", &format!("_{}.", side.name())), &e)
                     })?;
-                    timed(|t| &mut t.decode, start);
+                    times.decode += start.elapsed();
                     let start = Instant::now();
                     rectifier.apply(image, &self.table, pair.side_mut(side));
-                    timed(|t| &mut t.rectify, start);
+                    times.rectify += start.elapsed();
                     lacked_end |= decoder.lacked_end();
                 }
-            }
-            (Rectifier::Camera(camera, rows), images) => {
-                let start = Instant::now();
-                let rows = if thumbnail.is_some() { &(0..camera.image_size().1) } else { &*rows };
-                let image = match images {
-                    RawImages::Camera(bytes) => decoder.decode_rows(bytes, Some(camera.image_size()), rows.clone()),
-                    RawImages::Sensor(format, bytes) => decoder.decode_sensor(format, bytes, rows.clone()),
-                    RawImages::Patches(_) => {
-                        return Err(unfit("a pair of patches, expected a camera's image"));
-                    }
-                };
-                let image = image.map_err(|e| SkippedFrame::undecoded(&*frame.name, &e))?;
-                timed(|t| &mut t.decode, start);
-                let start = Instant::now();
-                camera.apply(image, &self.table, pair).map_err(|e| unfit(&e.to_string()))?;
-                if let Some(thumbnail) = thumbnail {
-                    thumbnail.fill(image, &self.table);
-                }
-                timed(|t| &mut t.rectify, start);
-                lacked_end = !matches!(images, RawImages::Sensor(..)) && decoder.lacked_end();
+                self.without_end += u64::from(lacked_end);
             }
             (Rectifier::Patches(_), RawImages::Camera(_) | RawImages::Sensor(..)) => {
-                return Err(unfit("a camera's image, expected a pair of patches"));
+                return Err(unfit(frame, "a camera's image, expected a pair of patches"));
             }
         }
-        self.without_end += u64::from(lacked_end);
         Ok(times)
     }
+}
+
+fn unfit(frame: &RawFrame, reason: &str) -> SkippedFrame {
+    SkippedFrame::new(&*frame.name, SkipKind::Unfit, reason)
 }
 
 #[cfg(test)]

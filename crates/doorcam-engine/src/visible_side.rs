@@ -103,10 +103,14 @@ impl VisibleSide {
         })
     }
 
-    /// The picture to fill if it is time for another look.
-    pub(crate) fn due(&mut self, seconds: f64) -> Option<&mut Thumbnail> {
-        let due = self.looked_s.is_none_or(|last| !(0.0..LOOK_S - 1e-6).contains(&(seconds - last)));
-        due.then_some(&mut self.thumbnail)
+    /// Whether it is time for another look, which needs the whole picture.
+    pub(crate) fn is_due(&self, seconds: f64) -> bool {
+        self.looked_s.is_none_or(|last| !(0.0..LOOK_S - 1e-6).contains(&(seconds - last)))
+    }
+
+    /// The picture to fill for a look.
+    pub(crate) fn picture(&mut self) -> &mut Thumbnail {
+        &mut self.thumbnail
     }
 
     /// Looks at the picture that was filled. `learning`: the empty room is being learned, so nobody should be there.

@@ -97,6 +97,11 @@ impl ImageDecoder {
         self.lacked_end
     }
 
+    /// What was decoded last.
+    pub fn image(&self) -> &Image {
+        &self.image
+    }
+
     /// Decodes a JPEG or PNG.
     ///
     /// # Errors

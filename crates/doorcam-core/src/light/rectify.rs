@@ -93,6 +93,16 @@ impl CameraRectifier {
         rows().min().unwrap_or(0)..rows().max().map_or(0, |last| last + 1)
     }
 
+    /// Checks that an image has the size [`Self::image_size`].
+    ///
+    /// # Errors
+    ///
+    /// If it has not.
+    pub fn check(&self, image: &Image) -> Result<(), WrongSize> {
+        let got = (image.width, image.height);
+        if got == self.image_size { Ok(()) } else { Err(WrongSize { got, expected: self.image_size }) }
+    }
+
     /// Writes the linear light of the two patches in `image` into `pair`; patch pixels that the camera does not see
     /// whole are 0.
     ///
@@ -100,10 +110,7 @@ impl CameraRectifier {
     ///
     /// If the image does not have the size [`Self::image_size`].
     pub fn apply(&self, image: &Image, table: &LightTable, pair: &mut PatchPair) -> Result<(), WrongSize> {
-        let got = (image.width, image.height);
-        if got != self.image_size {
-            return Err(WrongSize { got, expected: self.image_size });
-        }
+        self.check(image)?;
         for (taps, side) in self.taps.iter().zip(Side::BOTH) {
             let patch = pair.side_mut(side);
             let mut weights = &taps.weights[..];
