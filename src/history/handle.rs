@@ -19,7 +19,7 @@ use super::spans::Spans;
 use super::store::{Batch, Store, StoreError, failed, open_reader};
 use super::writer::Writer;
 use super::{Kept, Numbers, Retention};
-use doorcam_core::tracking::{Event, Occupancy, TrackState};
+use doorcam_core::tracking::{Event, Occupancy};
 use doorcam_engine::{State, Update};
 
 /// Most events, and most spans, that wait to be written: a disk that hangs must not fill the memory.
@@ -187,10 +187,9 @@ impl History {
 
     /// Records an update. Never waits for the disk.
     pub fn take_update(&self, update: &Update) {
-        let people = update.tracks.iter().filter(|track| track.state != TrackState::Tentative).count();
         self.take(&Observation {
             time: update.time,
-            people: (update.state == State::Watching).then_some((people, update.zones.as_slice())),
+            people: (update.state == State::Watching).then_some((update.people(), update.zones.as_slice())),
             events: &update.events,
             track: update.tracks.iter().map(|track| track.id).max(),
         });

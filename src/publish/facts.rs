@@ -2,8 +2,8 @@ use jiff::Timestamp;
 use serde::Serialize;
 
 use crate::watch::{CrossingsReport, Hub, Watching};
-use doorcam_core::tracking::{Track, TrackState};
-use doorcam_engine::State;
+use doorcam_core::tracking::Track;
+use doorcam_engine::{State, Update};
 
 /// What is published about one moment.
 #[derive(Debug, Clone)]
@@ -40,7 +40,7 @@ impl Facts {
         Self {
             watching: hub.watching(),
             time: update.map(|update| update.time),
-            people: tracks.iter().filter(|track| track.state != TrackState::Tentative).count(),
+            people: update.map_or(0, Update::people),
             zones: hub.zones().iter().map(|zone| count(&zone.name)).collect(),
             tracks,
             crossings: hub.crossings(),

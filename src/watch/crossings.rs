@@ -23,8 +23,8 @@ pub struct CrossingsReport {
     /// Why not; null while they are.
     #[schema(required)]
     pub reason: Option<String>,
-    /// Estimate of how many are inside: as it was last set, and those who came in since less those who went out. As old
-    /// as `available` is false.
+    /// Estimate of how many are inside: as it was last set, and those who came in since less those who went out, but at
+    /// least as many as are followed in the room. As old as `available` is false.
     #[schema(maximum = 1000)]
     pub inside: u32,
     /// The midnight, local time, since which they are counted, RFC 3339.
@@ -123,13 +123,15 @@ pub(super) struct Crossings {
     /// The day that it is, from midnight to midnight.
     today: Range<Timestamp>,
     tally: Tally,
+    /// How many were followed in the room when there was last a map.
+    seen: u32,
 }
 
 impl Crossings {
     /// Nobody has crossed yet.
     pub(super) fn new(zone: TimeZone, now: Timestamp) -> Self {
         let today = day(now, &zone).unwrap_or(now..now);
-        Self { zone, tally: Tally::new(today.start), today }
+        Self { zone, tally: Tally::new(today.start), today, seen: 0 }
     }
 
     /// The midnight since which people are counted at `now`.
@@ -172,6 +174,19 @@ impl Crossings {
         Some(direction)
     }
 
+    /// Takes how many are followed in the room: they are inside, whether or not they were seen to come in. Returns
+    /// whether that changes the estimate.
+    pub(super) fn see(&mut self, people: usize) -> bool {
+        let before = self.inside();
+        self.seen = u32::try_from(people).unwrap_or(MOST_INSIDE).min(MOST_INSIDE);
+        self.inside() != before
+    }
+
+    /// The estimate of how many are inside. It is not taken into the tally: who has come by another way may leave by it.
+    fn inside(&self) -> u32 {
+        self.tally.inside.max(self.seen)
+    }
+
     /// Sets the estimate right.
     pub(super) fn set_inside(&mut self, inside: u32, now: Timestamp) {
         self.tally = self.tally.with_inside(inside, now);
@@ -186,11 +201,11 @@ impl Crossings {
 
     /// What is known at `now`. `unavailable` says why people are not counted, if they are not.
     pub(super) fn report(&mut self, unavailable: Option<String>, now: Timestamp) -> CrossingsReport {
-        let Tally { inside, since, came_in, out, back, last, .. } = self.tally(now).clone();
+        let Tally { since, came_in, out, back, last, .. } = self.tally(now).clone();
         CrossingsReport {
             available: unavailable.is_none(),
             reason: unavailable,
-            inside,
+            inside: self.inside(),
             since,
             came_in,
             out,

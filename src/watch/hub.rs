@@ -17,7 +17,7 @@ use crate::watch::tap::Tap;
 use crate::watch::watching::{Observed, Watching};
 use crate::watch::{CrossingsReport, TrackHistory, ZoneIds};
 use doorcam_core::calibration::Calibration;
-use doorcam_core::tracking::{Event, TrackState, Zone};
+use doorcam_core::tracking::{Event, Zone};
 use doorcam_engine::{Published, State, Update, Watched};
 use doorcam_source::recorder::RecordingStatus;
 use doorcam_source::{Condition, RawFrame, RawImages, SkippedFrame, SourceState};
@@ -196,9 +196,8 @@ impl Hub {
 
     /// Whether doorcam is watching, and the number of people, for `/metrics`.
     pub fn exposition(&self) -> String {
-        let latest = self.latest();
-        let tracks = latest.iter().flat_map(|latest| &latest.update.tracks);
-        let mut text = self.watching().exposition(tracks.filter(|track| track.state != TrackState::Tentative).count());
+        let people = self.latest().map_or(0, |latest| latest.update.people());
+        let mut text = self.watching().exposition(people);
         text.push_str(&self.crossings().exposition());
         text
     }
@@ -238,10 +237,12 @@ impl Hub {
         self.crossed.subscribe()
     }
 
-    /// Counts the crossings among events. Mostly there are none.
-    fn count_crossings(&self, events: &[Event]) {
-        let crossings = events.iter().filter(|event| event.kind.direction().is_some());
-        let mut changed = false;
+    /// Counts the crossings among an update's events, mostly none, and those who are followed in the room.
+    fn count_crossings(&self, update: &Update) {
+        let crossings = update.events.iter().filter(|event| event.kind.direction().is_some());
+        // Without a map nobody is followed, and whoever is inside stays there.
+        let maps = matches!(update.state, State::Watching | State::Obstructed);
+        let mut changed = maps && lock(&self.crossings).see(update.people());
         for event in crossings {
             let direction = lock(&self.crossings).take(event, Timestamp::now());
             direction.into_iter().for_each(|direction| self.meters.crossed(direction));
@@ -362,7 +363,7 @@ impl Hub {
         drop(counters);
         self.meters.publish(&published.update);
         lock(&self.recent).take(&published.update);
-        self.count_crossings(&published.update.events);
+        self.count_crossings(&published.update);
         self.listeners.iter().for_each(|listen| listen(&published.update));
         self.latest.send_replace(Some(Arc::new(published)));
     }

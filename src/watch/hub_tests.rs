@@ -1,6 +1,6 @@
 use super::*;
 use crate::watch::crossings::tests::crossing;
-use doorcam_core::tracking::EventKind;
+use doorcam_core::tracking::{EventKind, Track, TrackState};
 use doorcam_source::SkipKind;
 
 fn skipped(name: &str, kind: SkipKind) -> SkippedFrame {
@@ -59,6 +59,49 @@ fn who_walks_through_is_counted_once_for_everybody_who_asks() {
     let why = "not watching: the camera has moved since it was calibrated";
     assert_eq!((report.available, report.reason.as_deref(), report.inside), (false, Some(why), 2));
     assert!(hub.exposition().contains("\ndoorcam_inside NaN\n"));
+}
+
+fn track(id: u64, state: TrackState) -> Track {
+    let [x_m, y_m, vx_m_s, vy_m_s] = [0.5, 1.25, 0.0, 0.0];
+    let covariance_m2 = [[0.01, 0.0], [0.0, 0.01]];
+    Track { id, state, x_m, y_m, vx_m_s, vy_m_s, covariance_m2, rgb: [0.0; 3], age_s: 2.0 }
+}
+
+#[test]
+fn no_fewer_are_inside_than_are_followed_there() {
+    let hub = hub();
+    let mut changes = hub.crossing_changes();
+    let follow = |state, tracks: &[TrackState]| {
+        let mut update = Update::blank("signed", 0, Timestamp::now(), None, doorcam_engine::Timing::default());
+        update.state = state;
+        update.tracks.extend((1..).zip(tracks).map(|(id, &state)| track(id, state)));
+        hub.publish(Published::new(update, None, None));
+    };
+    use TrackState::{Coasting, Confirmed, Tentative};
+    for (state, tracks, inside, is_news) in [
+        (State::Watching, &[][..], 0, false),
+        // They came in by another way, or before anybody looked.
+        (State::Watching, &[Confirmed, Tentative, Coasting], 2, true),
+        (State::Obstructed, &[Confirmed, Coasting], 2, false),
+        // Nobody can be followed, and nobody has left.
+        (State::Relearning, &[], 2, false),
+        (State::Watching, &[Confirmed], 1, true),
+    ] {
+        follow(state, tracks);
+        assert_eq!((hub.crossings().inside, changes.has_changed().unwrap()), (inside, is_news), "{state:?} {tracks:?}");
+        assert_eq!(hub.status(0).crossings.inside, inside);
+        changes.mark_unchanged();
+    }
+    assert!(hub.exposition().contains("\ndoorcam_inside 1\n"));
+    // Set below that, it goes on telling those who are there, and is what was set once they are not.
+    hub.set_inside(0, Timestamp::now());
+    assert_eq!(hub.crossings().inside, 1);
+    follow(State::Watching, &[]);
+    assert_eq!(hub.crossings().inside, 0);
+    // Above, it is what was set.
+    hub.set_inside(5, Timestamp::now());
+    follow(State::Watching, &[Confirmed]);
+    assert_eq!(hub.crossings().inside, 5);
 }
 
 #[test]

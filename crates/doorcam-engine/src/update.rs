@@ -10,7 +10,7 @@ use doorcam_core::light::{PatchPair, Sensing};
 use doorcam_core::scene::{Rgb, Scene};
 #[cfg(feature = "schema")]
 use doorcam_core::solver::ModelKind;
-use doorcam_core::tracking::{Detection, Event, Occupancy, Track};
+use doorcam_core::tracking::{Detection, Event, Occupancy, Track, TrackState};
 
 /// Whether the map can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -255,6 +255,11 @@ impl Update {
     /// An update without a map, while the empty room is learned.
     pub fn learning(model: &Model, sequence: u64, time: Timestamp, frame: Option<u64>, timing_ms: Timing) -> Self {
         Self::blank(model.kind.name(), sequence, time, frame, timing_ms)
+    }
+
+    /// Number of people who are followed; who is not confirmed yet does not count.
+    pub fn people(&self) -> usize {
+        self.tracks.iter().filter(|track| track.state != TrackState::Tentative).count()
     }
 
     /// An update without a map, for a model of this name.
