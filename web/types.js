@@ -158,7 +158,7 @@
 /**
  * @typedef {object} RoomEvent
  * @property {number} sequence
- * @property {"enter" | "exit" | "dwell" | "zone_enter" | "zone_exit" | "cross_in" | "cross_out" | "cross_back"} kind
+ * @property {"enter" | "exit" | "dwell" | "zone_enter" | "zone_exit" | "cross_in" | "cross_out" | "cross_back" | "camera_moved"} kind
  * @property {string} time
  * @property {number} track
  * @property {number} x_m

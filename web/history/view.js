@@ -22,6 +22,7 @@ const KINDS = {
   cross_in: "walks in through the door",
   cross_out: "walks out through the door",
   cross_back: "turns around on the threshold",
+  camera_moved: "the camera has moved",
 };
 
 /** What happened in the last hours: occupancy to scrub through, and events. */
@@ -171,9 +172,10 @@ export class HistoryView {
     until.forEach(({ kind, time, track, x_m, y_m, zone }, row) => {
       const cells = body.children[row].children;
       setText(cells[0], clockTime(Date.parse(time), true));
-      setText(cells[1], `Person ${track}`);
+      const ofPerson = kind !== "camera_moved";
+      setText(cells[1], ofPerson ? `Person ${track}` : "");
       setText(cells[2], `${KINDS[kind] ?? kind}${zone === null ? "" : ` ${zone}`}`);
-      setText(cells[3], position(x_m, y_m).replace(" m", ""));
+      setText(cells[3], ofPerson ? position(x_m, y_m).replace(" m", "") : "");
     });
   }
 

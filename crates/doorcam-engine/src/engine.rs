@@ -314,6 +314,11 @@ impl Engine {
         let newcomer = update.tracks.iter().any(|track| track.state == TrackState::Tentative);
         alignment.room_is(frame.purpose, empty, newcomer);
         update.camera_moved = alignment.moved();
+        if alignment.take_news()
+            && let Some(people) = &mut self.people
+        {
+            update.events.push(people.camera_moved(update.time));
+        }
         alignment.reference()
     }
 

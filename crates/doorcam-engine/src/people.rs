@@ -146,6 +146,11 @@ impl People {
         self.report(time)
     }
 
+    /// The event that says that the camera has moved.
+    pub(super) fn camera_moved(&mut self, time: Timestamp) -> Event {
+        self.events.camera_moved(time)
+    }
+
     /// Like [`Self::pause`]: all tracks end, but who crosses the threshold is told.
     pub(super) fn pause_beside(&mut self, seconds: f64, time: Timestamp, beside: Threshold) -> PeopleReport {
         self.tracker.reset();

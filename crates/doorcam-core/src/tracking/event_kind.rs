@@ -105,11 +105,14 @@ pub enum EventKind {
     CrossOut,
     /// Somebody came up to the threshold and turned around. The time is when their body's axis was nearest to y = 0.
     CrossBack,
+    /// The camera has moved: the calibration follows it, or there is no map until it is back or calibrated anew. The one
+    /// event that is of no person.
+    CameraMoved,
 }
 
 impl EventKind {
     /// Every kind.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Enter,
         Self::Exit,
         Self::Dwell,
@@ -118,6 +121,7 @@ impl EventKind {
         Self::CrossIn,
         Self::CrossOut,
         Self::CrossBack,
+        Self::CameraMoved,
     ];
 
     /// The name used in JSON and elsewhere.
@@ -131,6 +135,7 @@ impl EventKind {
             Self::CrossIn => "cross_in",
             Self::CrossOut => "cross_out",
             Self::CrossBack => "cross_back",
+            Self::CameraMoved => "camera_moved",
         }
     }
 

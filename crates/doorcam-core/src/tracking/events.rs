@@ -6,7 +6,7 @@ use super::zones::Zone;
 use super::{Track, TrackState};
 use crate::geometry::Point;
 
-/// Something that a person did.
+/// Something that a person did, or that happened to the camera.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Event {
@@ -17,7 +17,7 @@ pub struct Event {
     pub kind: EventKind,
     /// When it happened, RFC 3339.
     pub time: Timestamp,
-    /// Id of the person's track.
+    /// Id of the person's track; 0, which no track has, if the event is of no person.
     pub track: u64,
     /// Position to the right, in metres in the door frame.
     pub x_m: f64,
@@ -106,6 +106,13 @@ impl Events {
     pub fn counting_from(mut self, next: u64) -> Self {
         self.next = next;
         self
+    }
+
+    /// The event that says that the camera has moved. It has a number, but neither person nor place.
+    pub fn camera_moved(&mut self, time: Timestamp) -> Event {
+        let mut events = Vec::with_capacity(1);
+        push(&mut events, &mut self.next, EventKind::CameraMoved, 0, Moment { time, place: [0.0; 2] }, None);
+        events.swap_remove(0)
     }
 
     /// Replaces `others`: continues their numbering, and everyone they saw leaves with the next update.

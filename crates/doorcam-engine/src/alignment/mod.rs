@@ -67,6 +67,8 @@ pub(crate) struct Alignment {
     strange: usize,
     standing: Standing,
     moved: Option<CameraMoved>,
+    /// Whether that has not been told as an event yet.
+    news: bool,
     looked_s: Option<f64>,
     /// Whether somebody new may be there.
     eager: bool,
@@ -156,6 +158,7 @@ impl Alignment {
             strange: 0,
             standing: Standing::Aligned,
             moved: None,
+            news: false,
             looked_s: None,
             eager: false,
             fresh: false,
@@ -165,6 +168,11 @@ impl Alignment {
     /// How the camera has moved, if it has.
     pub fn moved(&self) -> Option<CameraMoved> {
         self.moved
+    }
+
+    /// Whether it has moved, or moved again, since this was last asked.
+    pub fn take_news(&mut self) -> bool {
+        std::mem::take(&mut self.news)
     }
 
     /// The reference picture, once there is one.
@@ -261,6 +269,7 @@ impl Alignment {
                 corrected: false,
             });
             self.standing = Standing::Misaligned;
+            self.news = true;
             self.agreeing.clear();
         }
     }
@@ -298,6 +307,7 @@ impl Alignment {
 
     fn misaligned(&mut self, moved: CameraMoved) {
         if self.standing != Standing::Misaligned {
+            self.news = true;
             let [shift_px, rotation_deg] = [moved.shift_px, moved.rotation_deg].map(Option::unwrap_or_default);
             tracing::warn!(
                 "the camera has moved: the patches are {shift_px:.1} pixels from where they were, turned by \
@@ -337,6 +347,7 @@ impl Alignment {
         );
         (self.used, self.moved) = (followed.motion, Some(followed.moved));
         self.standing = Standing::Aligned;
+        self.news = true;
         self.agreeing.clear();
         if let (Some(store), Some(reference)) = (&mut self.store, &self.reference) {
             store.save(reference.overview(), &self.home, &self.used);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use doorcam_core::calibration::Calibration;
 use doorcam_core::image::{Image, Samples};
-use doorcam_core::tracking::TrackState;
+use doorcam_core::tracking::{EventKind, TrackState};
 use doorcam_engine::simulation::{Scenario, Simulator};
 use doorcam_engine::{Assembly, Engine, Settings, State, Update, Work};
 use doorcam_source::image::decode;
@@ -69,17 +69,21 @@ fn a_calibration_follows_a_camera_that_was_nudged() {
             let bumped = number >= 45;
             let frame = if bumped { &after } else { &before }.frame(number).unwrap();
             let update = engine.step(&frame, Timestamp::UNIX_EPOCH).unwrap().update;
+            let told = update.events.iter().filter(|event| event.kind == EventKind::CameraMoved).count();
             let false_m = falsest(&update, &before.truth(number));
             assert!(false_m < 0.7, "{named}, frame {number}: somebody is confirmed {false_m:.1} m from anybody");
             if let Some(followed) = engine.take_followed() {
                 assert!(bumped && noticed.is_none(), "{named}, frame {number}");
                 let moved = update.camera_moved.unwrap();
                 assert!(moved.corrected, "{named}");
+                assert_eq!(told, 1, "{named}: {:?}", update.events);
                 let (error, was) =
                     (farthest_px(&followed, &after), farthest_px(&before.manifest().calibration().unwrap(), &after));
                 eprintln!("{named}: noticed in frame {number}, off by {error:.2} of {was:.1} px: {moved:?}");
                 assert!(error < 0.6, "{named}: {error:.2} px");
                 noticed = Some(number);
+            } else {
+                assert_eq!(told, 0, "{named}, frame {number}");
             }
             if bumped && noticed.is_some() && update.state == State::Watching {
                 watched.get_or_insert(number);
@@ -95,7 +99,7 @@ fn a_camera_that_was_turned_away_shows_no_map_until_it_is_back() {
     let (before, after) = (seen_by("one-person", [0.0; 2], 0.0), seen_by("one-person", [0.0, 0.05], 2.0));
     let was = farthest_px(&before.manifest().calibration().unwrap(), &after);
     let mut engine = rolling(&before);
-    let mut states = Vec::new();
+    let (mut states, mut told) = (Vec::new(), Vec::new());
     for number in 0..100 {
         let frame = if (45..75).contains(&number) { &after } else { &before }.frame(number).unwrap();
         let update = engine.step(&frame, Timestamp::UNIX_EPOCH).unwrap().update;
@@ -108,9 +112,13 @@ fn a_camera_that_was_turned_away_shows_no_map_until_it_is_back() {
             let (shift_px, rotation_deg) = (moved.shift_px.unwrap(), moved.rotation_deg.unwrap());
             assert!(!moved.corrected && (shift_px - was).abs() < 0.3 * was && (rotation_deg.abs() - 2.0).abs() < 0.8);
         }
+        let events = update.events.iter().filter(|event| event.kind == EventKind::CameraMoved);
+        told.extend(events.map(|event| (event.track, event.sequence)));
         states.push((update.state, update.camera_moved.is_some()));
     }
     assert!(engine.take_followed().is_none());
+    assert_eq!(told.len(), 1, "turned away, and back: {told:?}");
+    assert_eq!(told[0].0, 0, "it is of no person");
     assert!(states[..45].iter().all(|state| *state != (State::Misaligned, true)));
     let noticed = states.iter().position(|(_, moved)| *moved);
     assert!(noticed.is_some_and(|number| (46..65).contains(&number)), "{noticed:?}");
