@@ -3,7 +3,7 @@ use serde::Serialize;
 
 use crate::watch::{CrossingsReport, Hub, Watching};
 use doorcam_core::tracking::Track;
-use doorcam_engine::{State, Update};
+use doorcam_engine::{State, Update, ViewReport};
 
 /// What is published about one moment.
 #[derive(Debug, Clone)]
@@ -15,6 +15,8 @@ pub(super) struct Facts {
     /// How many people are in each zone, in the order of [`Hub::zones`].
     pub(super) zones: Vec<usize>,
     pub(super) tracks: Vec<Track>,
+    /// What each patch contributes; none before the first update.
+    pub(super) view: Option<ViewReport>,
     /// Who walked through the doorway.
     pub(super) crossings: CrossingsReport,
 }
@@ -43,6 +45,7 @@ impl Facts {
             people: update.map_or(0, Update::people),
             zones: hub.zones().iter().map(|zone| count(&zone.name)).collect(),
             tracks,
+            view: update.map(|update| update.view),
             crossings: hub.crossings(),
         }
     }

@@ -4,7 +4,9 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::topics::Topics;
+use doorcam_core::geometry::Side;
 use doorcam_core::tracking::{Direction, Event};
+use doorcam_engine::ViewState;
 
 /// A retained message that makes entities appear in Home Assistant.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,6 +45,23 @@ pub(super) fn announcements(prefix: &str, topics: &Topics, name: &str, zones: &[
         ));
     }
     announcements
+}
+
+/// The announcements of how much of each patch shows the floor, as entities of the same device.
+pub(super) fn view_announcements(prefix: &str, topics: &Topics, name: &str) -> Vec<Announcement> {
+    let entity = Entity { prefix, topics, device: name, known: watching(topics) };
+    let view = |side: Side| {
+        let payload = json!({
+            "name": format!("View on the {}", side.name()),
+            "state_topic": topics.view(side),
+            "device_class": "enum",
+            "options": ViewState::ALL.map(ViewState::name),
+            "entity_category": "diagnostic",
+            "icon": "mdi:eye",
+        });
+        entity.announce(("sensor", format!("view_{}", side.name())), payload)
+    };
+    Side::BOTH.map(view).into()
 }
 
 /// The announcements of people who walk through the doorway, as entities of the same device.
@@ -90,9 +109,11 @@ pub(super) fn crossing(event: &Event) -> String {
     serde_json::to_string(&Crossing { event_type: event.kind.name(), event }).unwrap_or_default()
 }
 
-/// Nothing is known about the room while its map cannot be trusted.
+/// Nothing is known about the room while its map cannot be trusted. While the patches are covered, mostly for the moment
+/// in which somebody walks through, what was known stays.
 fn watching(topics: &Topics) -> Value {
-    json!({"topic": topics.state(), "value_template": "{{ 'online' if value == 'watching' else 'offline' }}"})
+    let template = "{{ 'online' if value in ['watching', 'obstructed'] else 'offline' }}";
+    json!({"topic": topics.state(), "value_template": template})
 }
 
 struct Entity<'a> {
@@ -154,6 +175,23 @@ mod tests {
         assert_eq!(entity["state_topic"], "doorcam/hall/zones/bed/occupancy");
         assert_eq!(entity["availability"][0]["topic"], "doorcam/hall/availability");
         assert_eq!(entity["device"]["identifiers"], json!(["doorcam_hall"]));
+    }
+
+    #[test]
+    fn each_patch_tells_how_much_of_it_is_seen() {
+        let topics = Topics::new("doorcam/hall", "hall", Vec::new());
+        let announced = view_announcements("homeassistant", &topics, "Hall");
+        let retained: Vec<String> = topics.retained().collect();
+        for (announced, side) in announced.iter().zip(["left", "right"]) {
+            assert_eq!(announced.topic, format!("homeassistant/sensor/hall/view_{side}/config"));
+            let entity: Value = serde_json::from_str(&announced.payload).unwrap();
+            assert_eq!(entity["state_topic"], format!("doorcam/hall/view/{side}"));
+            assert_eq!(entity["options"], json!(["clear", "partial", "blocked"]));
+            assert!(retained.contains(&format!("doorcam/hall/view/{side}")));
+            let known = entity["availability"][1]["value_template"].as_str().unwrap();
+            assert!(known.contains("'watching', 'obstructed'"), "{known}");
+        }
+        assert_eq!(announced.len(), 2);
     }
 
     #[test]

@@ -10,12 +10,14 @@ use tokio::time::{interval, timeout};
 use super::broker::{MqttReport, Settings};
 use super::connection::{HEALTHY, Lost, News, keep_connected};
 use super::facts::Facts;
-use super::home_assistant::{Announcement, announcements, crossing, crossing_announcements};
+use super::home_assistant::{Announcement, announcements, crossing, crossing_announcements, view_announcements};
 use super::lock;
 use super::neighbours::{Neighbours, Todo, presence};
 use super::topics::Topics;
 use crate::watch::{CrossingsReport, Hub};
+use doorcam_core::geometry::Side;
 use doorcam_core::tracking::{Direction, Event};
+use doorcam_engine::State;
 
 /// Shortest time between two messages with tracks.
 const TRACKS: Duration = Duration::from_millis(500);
@@ -348,13 +350,24 @@ impl Session<'_> {
         self.introduced = self.introduced || self.introduce();
         self.tell_state(&facts);
         let zones = facts.zones.iter().enumerate().map(|(zone, &people)| (Some(zone), people));
+        // Nobody can be seen to come or go while the patches are covered, mostly by somebody who walks through: whoever
+        // was there stays until they are free again.
+        let holds = facts.watching.state == State::Obstructed;
         for (zone, people) in std::iter::once((None, facts.people)).chain(zones) {
+            if holds && self.told.contains_key(&topics.occupancy(zone)) {
+                continue;
+            }
             self.retain(topics.occupancy(zone), if people > 0 { "ON" } else { "OFF" }.into());
             self.retain(topics.count(zone), people.to_string());
         }
         if facts.time.is_some() && self.tracks_at.is_none_or(|at| at.elapsed() >= TRACKS) {
             self.tracks_at = Some(Instant::now());
             self.publish(&format!("{}/tracks", self.settings.root), QoS::AtMostOnce, false, facts.tracks_json());
+        }
+        if let Some(view) = facts.view {
+            for (side, view) in [(Side::Left, view.left), (Side::Right, view.right)] {
+                self.retain(topics.view(side), view.state.name().into());
+            }
         }
         self.tell_crossings(&facts);
         self.tell_events();
@@ -443,6 +456,7 @@ fn described(settings: &Settings, hub: &Hub) -> (u32, Topics, Vec<Announcement>)
         "" => Vec::new(),
         prefix => {
             let mut all = announcements(prefix, &topics, &settings.name, &zones);
+            all.extend(view_announcements(prefix, &topics, &settings.name));
             if settings.crossings {
                 all.extend(crossing_announcements(prefix, &topics, &settings.name));
             }

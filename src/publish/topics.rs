@@ -1,5 +1,6 @@
 //! Names of the MQTT topics of one doorway.
 
+use doorcam_core::geometry::Side;
 use doorcam_core::tracking::Direction;
 use rumqttc::{QoS, SubscribeFilter};
 
@@ -79,13 +80,19 @@ impl Topics {
         format!("{}/inside", self.root)
     }
 
+    /// Topic of how much of a side's patch shows the floor: `clear`, `partial` or `blocked`.
+    pub(super) fn view(&self, side: Side) -> String {
+        format!("{}/view/{}", self.root, side.name())
+    }
+
     /// The retained topics of the room, of the doorway and of every zone.
     pub(super) fn retained(&self) -> impl Iterator<Item = String> {
         let places = std::iter::once(None).chain((0..self.zones()).map(Some));
         let places = places.flat_map(|zone| [self.occupancy(zone), self.count(zone)]);
         let crossings = Direction::ALL.map(|direction| self.crossed(direction));
         let doorway = [self.availability(), self.state(), self.watching(), self.instance()];
-        places.chain(doorway).chain(crossings).chain([self.crossings(), self.inside()])
+        let views = Side::BOTH.map(|side| self.view(side));
+        places.chain(doorway).chain(crossings).chain([self.crossings(), self.inside()]).chain(views)
     }
 
     /// Whether a topic is the occupancy or the number of people of a zone, of now or of before.

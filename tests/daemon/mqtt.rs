@@ -178,9 +178,9 @@ fn a_broker_knows_who_is_there_and_that_doorcam_died() {
         .filter(|(topic, _)| topic.starts_with("homeassistant/"))
         .map(|(topic, payload)| (topic, serde_json::from_str(payload).unwrap()))
         .collect();
-    assert_eq!(entities.len(), 10, "{kept:?}");
+    assert_eq!(entities.len(), 12, "{kept:?}");
     let ids: BTreeSet<&str> = entities.iter().filter_map(|(_, entity)| entity["unique_id"].as_str()).collect();
-    assert_eq!(ids.len(), 10, "{ids:?}");
+    assert_eq!(ids.len(), 12, "{ids:?}");
     for (topic, entity) in &entities {
         let component = topic.strip_prefix("homeassistant/").and_then(|rest| rest.split_once("/hall/")).unwrap();
         assert!(topic.ends_with("/config"), "{topic}");
@@ -190,6 +190,10 @@ fn a_broker_knows_who_is_there_and_that_doorcam_died() {
                 let value = Value::from(kept[state].as_str());
                 assert_eq!(entity["device_class"], "occupancy");
                 assert!([&entity["payload_on"], &entity["payload_off"]].contains(&&value), "{value}");
+            }
+            "sensor" if entity["device_class"] == "enum" => {
+                let options = entity["options"].as_array().unwrap();
+                assert!(options.contains(&Value::from(kept[state].as_str())), "{topic}");
             }
             "sensor" => {
                 let class = entity["state_class"].as_str().unwrap();

@@ -63,6 +63,20 @@ pub enum ViewState {
     Blocked,
 }
 
+impl ViewState {
+    /// Every state.
+    pub const ALL: [Self; 3] = [Self::Clear, Self::Partial, Self::Blocked];
+
+    /// The name used in JSON and elsewhere.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Clear => "clear",
+            Self::Partial => "partial",
+            Self::Blocked => "blocked",
+        }
+    }
+}
+
 /// What one patch contributes to a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
