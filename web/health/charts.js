@@ -80,6 +80,8 @@ class Chart {
     this.range.className = "chart-range";
     this.range.setAttribute("aria-hidden", "true");
     this.element.append(caption, this.svg, this.range);
+    // A picture needs a name before the first second is over, too.
+    this.show([]);
   }
 
   /** @param {Sample[]} samples */
