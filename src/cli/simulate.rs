@@ -1,7 +1,8 @@
 use std::path::PathBuf;
 
 use anyhow::bail;
-use doorcam_engine::simulation::{Scenario, record_simulation};
+use doorcam::feed::FeedError;
+use doorcam_engine::simulation::{Scenario, Simulator, record_simulation};
 
 use super::progress;
 
@@ -36,8 +37,11 @@ pub(super) struct Arguments {
     /// Number of frames; after the scenario's end it begins again [default: one round of the scenario]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
+    /// Leave out the bumps of the camera, to compare with a recording of the same seed with them
+    #[arg(long)]
+    without_bumps: bool,
     /// List the scenarios that come with doorcam
-    #[arg(long, conflicts_with_all = ["scenario", "out", "frames"])]
+    #[arg(long, conflicts_with_all = ["scenario", "out", "frames", "without_bumps"])]
     list: bool,
 }
 
@@ -48,7 +52,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let (Some(scenario), Some(out)) = (&arguments.scenario, &arguments.out) else {
         bail!("expected SCENARIO and OUT");
     };
-    write(scenario, out, arguments.seed, arguments.frames)
+    let still = arguments.without_bumps;
+    let make = if still { doorcam::feed::simulator_without_bumps } else { doorcam::feed::simulator };
+    write_as(scenario, out, arguments.seed, arguments.frames, make)
 }
 
 fn list() -> anyhow::Result<()> {
@@ -63,8 +69,18 @@ fn list() -> anyhow::Result<()> {
 
 /// Writes a recording of a scenario.
 pub(super) fn write(scenario: &str, out: &std::path::Path, seed: u64, frames: Option<u64>) -> anyhow::Result<()> {
+    write_as(scenario, out, seed, frames, doorcam::feed::simulator)
+}
+
+fn write_as(
+    scenario: &str,
+    out: &std::path::Path,
+    seed: u64,
+    frames: Option<u64>,
+    make: fn(&str, u64) -> Result<Simulator, FeedError>,
+) -> anyhow::Result<()> {
     doorcam_source::recorder::RecordingWriter::check_free(out)?;
-    let simulator = doorcam::feed::simulator(scenario, seed)?;
+    let simulator = make(scenario, seed)?;
     let frames = frames.unwrap_or(simulator.scenario().frames());
     tracing::info!("simulating {frames} frames of {scenario} in {}", out.display());
     let progress = progress(frames);

@@ -232,6 +232,20 @@ pub fn open_recording(directory: &Path) -> Result<Recording, SourceError> {
 /// # Errors
 /// If there is no such scenario or it cannot be simulated.
 pub fn simulator(scenario: &str, seed: u64) -> Result<Simulator, FeedError> {
-    let refused = |reason: String| FeedError::Simulation { scenario: scenario.into(), reason };
-    Simulator::new(Scenario::varied(scenario, seed)?, seed).map_err(refused)
+    simulator_of(Scenario::varied(scenario, seed)?, scenario, seed)
+}
+
+/// The same as [`simulator()`] with a camera that nobody bumps, to compare with.
+///
+/// # Errors
+/// As [`simulator()`].
+pub fn simulator_without_bumps(scenario: &str, seed: u64) -> Result<Simulator, FeedError> {
+    let mut still = Scenario::varied(scenario, seed)?;
+    still.camera.bump.clear();
+    simulator_of(still, scenario, seed)
+}
+
+fn simulator_of(scenario: Scenario, name: &str, seed: u64) -> Result<Simulator, FeedError> {
+    let refused = |reason: String| FeedError::Simulation { scenario: name.into(), reason };
+    Simulator::new(scenario, seed).map_err(refused)
 }

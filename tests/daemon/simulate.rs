@@ -120,6 +120,30 @@ fn the_same_seed_gives_the_same_files() {
 }
 
 #[test]
+fn without_its_bumps_a_recording_is_the_same_until_the_first_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let scenario = quick(dir.path(), "[camera]", "[camera]\nbump = [[1, 12, 0, 0]]");
+    let [bumped, still] = ["bumped", "still"].map(|name| dir.path().join(name));
+    simulate(&scenario, &bumped, &["--frames", "30"]);
+    simulate(&scenario, &still, &["--frames", "30", "--without-bumps"]);
+    let truth = |out: &Path| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(out.join("truth.json")).unwrap()).unwrap()
+    };
+    assert_eq!(truth(&bumped)["bumps"].as_array().map(Vec::len), Some(1));
+    assert!(truth(&still)["bumps"].as_array().is_none_or(Vec::is_empty));
+    assert_eq!(truth(&bumped)["frames"], truth(&still)["frames"]);
+    let frames = |out: &Path| {
+        let mut files: Vec<_> =
+            std::fs::read_dir(out.join("frames")).unwrap().map(|file| file.unwrap().path()).collect();
+        files.sort();
+        files.into_iter().map(|file| std::fs::read(file).unwrap()).collect::<Vec<_>>()
+    };
+    let (bumped, still) = (frames(&bumped), frames(&still));
+    assert!(bumped[..15] == still[..15], "the same noise");
+    assert!(bumped[29] != still[29]);
+}
+
+#[test]
 fn a_simulation_is_recorded_like_a_camera() {
     let dir = tempfile::tempdir().unwrap();
     let scenario = quick(dir.path(), "[camera]", "[camera]\nformat = \"rgb\"");
