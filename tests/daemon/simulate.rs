@@ -122,7 +122,7 @@ fn the_same_seed_gives_the_same_files() {
 #[test]
 fn without_its_bumps_a_recording_is_the_same_until_the_first_one() {
     let dir = tempfile::tempdir().unwrap();
-    let scenario = quick(dir.path(), "[camera]", "[camera]\nbump = [[1, 12, 0, 0]]");
+    let scenario = quick(dir.path(), "[camera]", "[camera]\nbump = [[0.5, 12, 0, 0]]");
     let [bumped, still] = ["bumped", "still"].map(|name| dir.path().join(name));
     simulate(&scenario, &bumped, &["--frames", "30"]);
     simulate(&scenario, &still, &["--frames", "30", "--without-bumps"]);
