@@ -1,7 +1,6 @@
 use std::path::PathBuf;
 
 use anyhow::bail;
-use doorcam::feed::FeedError;
 use doorcam_engine::simulation::{Scenario, Simulator, record_simulation};
 
 use super::progress;
@@ -14,13 +13,14 @@ use super::progress;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 SCENARIO is a name shown by --list, or a TOML file; config/scenarios has commented ones to start from, and
-docs/simulator.md describes every key. Of walk-through, pass-by, bag and bump, each seed gives another one: another room,
-door, light, path and clothes.
+docs/simulator.md describes every key. Of walk-through, pass-by, bag, bump and random, each seed gives another one: another
+room, door, light, path and clothes.
 
 Examples:
   doorcam simulate --list
   doorcam simulate two-crossing walk
   doorcam simulate walk-through in-and-out --seed 7
+  doorcam simulate random room --seed 1001 --people 2
   doorcam simulate my-hall.toml hall --seed 7 --frames 300
   doorcam reconstruct walk --output pictures
   doorcam serve --source simulate:two-crossing          the same, live and without files")]
@@ -34,14 +34,17 @@ pub(super) struct Arguments {
     /// Seed of the noise, and of what varies in a scenario that varies
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// People in the room of `random` [default: one to four, as the seed says]
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(1..=4))]
+    people: Option<u64>,
     /// Number of frames; after the scenario's end it begins again [default: one round of the scenario]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
     /// Leave out the bumps of the camera, to compare with a recording of the same seed with them
-    #[arg(long)]
+    #[arg(long, conflicts_with = "people")]
     without_bumps: bool,
     /// List the scenarios that come with doorcam
-    #[arg(long, conflicts_with_all = ["scenario", "out", "frames", "without_bumps"])]
+    #[arg(long, conflicts_with_all = ["scenario", "out", "frames", "people", "without_bumps"])]
     list: bool,
 }
 
@@ -52,9 +55,16 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let (Some(scenario), Some(out)) = (&arguments.scenario, &arguments.out) else {
         bail!("expected SCENARIO and OUT");
     };
-    let still = arguments.without_bumps;
-    let make = if still { doorcam::feed::simulator_without_bumps } else { doorcam::feed::simulator };
-    write_as(scenario, out, arguments.seed, arguments.frames, make)
+    let seed = arguments.seed;
+    let simulator = match (arguments.people, arguments.without_bumps) {
+        (None, false) => return write(scenario, out, seed, arguments.frames),
+        (None, true) => doorcam::feed::simulator_without_bumps(scenario, seed)?,
+        (Some(people), false) if scenario == "random" => doorcam::feed::random_room(seed, people as usize)?,
+        (Some(people), _) => {
+            bail!("--people {people}: only the scenario random has as many people as one likes, not {scenario}")
+        }
+    };
+    record(&simulator, scenario, out, arguments.frames)
 }
 
 fn list() -> anyhow::Result<()> {
@@ -69,22 +79,15 @@ fn list() -> anyhow::Result<()> {
 
 /// Writes a recording of a scenario.
 pub(super) fn write(scenario: &str, out: &std::path::Path, seed: u64, frames: Option<u64>) -> anyhow::Result<()> {
-    write_as(scenario, out, seed, frames, doorcam::feed::simulator)
+    record(&doorcam::feed::simulator(scenario, seed)?, scenario, out, frames)
 }
 
-fn write_as(
-    scenario: &str,
-    out: &std::path::Path,
-    seed: u64,
-    frames: Option<u64>,
-    make: fn(&str, u64) -> Result<Simulator, FeedError>,
-) -> anyhow::Result<()> {
+fn record(simulator: &Simulator, scenario: &str, out: &std::path::Path, frames: Option<u64>) -> anyhow::Result<()> {
     doorcam_source::recorder::RecordingWriter::check_free(out)?;
-    let simulator = make(scenario, seed)?;
     let frames = frames.unwrap_or(simulator.scenario().frames());
     tracing::info!("simulating {frames} frames of {scenario} in {}", out.display());
     let progress = progress(frames);
-    let written = record_simulation(&simulator, out, frames, || progress.inc(1));
+    let written = record_simulation(simulator, out, frames, || progress.inc(1));
     progress.finish_and_clear();
     written?;
     let (first, description) = (simulator.scenario().background_frames(), &simulator.scenario().description);

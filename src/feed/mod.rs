@@ -249,3 +249,13 @@ fn simulator_of(scenario: Scenario, name: &str, seed: u64) -> Result<Simulator, 
     let refused = |reason: String| FeedError::Simulation { scenario: name.into(), reason };
     Simulator::new(scenario, seed).map_err(refused)
 }
+
+/// A simulator of the room of a seed, with so many people.
+///
+/// # Errors
+///
+/// If there cannot be so many.
+pub fn random_room(seed: u64, people: usize) -> Result<Simulator, FeedError> {
+    let refused = |reason: String| FeedError::Simulation { scenario: "random".into(), reason };
+    Simulator::new(Scenario::random(seed, Some(people))?, seed).map_err(refused)
+}

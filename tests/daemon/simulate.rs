@@ -204,3 +204,26 @@ fn the_list_has_each_scenario_in_a_line() {
     assert_eq!(list.lines().count(), 13);
     assert!(list.lines().any(|line| line.starts_with("two-crossing ") && line.contains("cross twice")), "{list}");
 }
+
+/// Of random rooms, with the people asked for; the truth tells what is in them.
+#[test]
+fn random_rooms_are_recorded_with_what_is_in_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    simulate("random", &out, &["--seed", "1002", "--people", "2", "--frames", "40"]);
+    let recording = Recording::open(&out).unwrap();
+    assert_eq!((recording.frames.len(), recording.manifest.background_frames), (40, Some([0, 25])));
+    assert!(recording.manifest.notes.starts_with("Simulated: 2 people in an ordinary room, "));
+    let truth: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("truth.json")).unwrap()).expect("truth.json");
+    let room = &truth["room"];
+    assert_eq!(room["people"].as_array().unwrap().len(), 2, "{room}");
+    assert!(room["light_seen"].is_boolean() && room["people"][1]["limbs"].is_boolean(), "{room}");
+    let lights = ["lamps", "windows", "televisions"].map(|kind| room[kind].as_array().unwrap().len());
+    assert!(lights.iter().sum::<usize>() >= 1, "{room}");
+    assert!(Truth::of_recording(&out).unwrap().is_some());
+
+    let said = failure(&["simulate", "two-crossing", dir.path().join("no").to_str().unwrap(), "--people", "2"]);
+    let expected = "--people 2: only the scenario random has as many people as one likes, not two-crossing";
+    assert!(said.ends_with(expected), "{said}");
+}

@@ -10,28 +10,28 @@ const MOST_FRAMES: f64 = 1e7;
 /// Most bumps of a camera: each has a view of its own, of some ten megabytes.
 const MOST_BUMPS: usize = 16;
 
-fn within(key: &str, value: f64, low: f64, high: f64, unit: &str) -> Result<(), String> {
+pub(super) fn within(key: &str, value: f64, low: f64, high: f64, unit: &str) -> Result<(), String> {
     if (low..=high).contains(&value) {
         return Ok(());
     }
     Err(format!("{key} is {value}, expected {unit} from {low} to {high}"))
 }
 
-fn albedo(key: &str, rgb: Rgb) -> Result<(), String> {
+pub(super) fn albedo(key: &str, rgb: Rgb) -> Result<(), String> {
     if rgb.iter().all(|c| (0.0..=1.0).contains(c)) {
         return Ok(());
     }
     Err(format!("{key} is {rgb:?}, expected red, green and blue from 0 to 1"))
 }
 
-fn light(key: &str, rgb: Rgb) -> Result<(), String> {
+pub(super) fn light(key: &str, rgb: Rgb) -> Result<(), String> {
     if rgb.iter().all(|c| (0.0..1e6).contains(c)) && rgb.iter().sum::<f64>() > 0.0 {
         return Ok(());
     }
     Err(format!("{key} is {rgb:?}, expected red, green and blue of 0 or above, not all 0"))
 }
 
-fn entries(key: &str, entries: &[(f64, f64)]) -> Result<(), String> {
+pub(super) fn entries(key: &str, entries: &[(f64, f64)]) -> Result<(), String> {
     let rising = entries.windows(2).all(|pair| pair[0].0 < pair[1].0);
     if rising && entries.iter().all(|&(t, value)| t.is_finite() && (0.0..=100.0).contains(&value)) {
         return Ok(());
@@ -67,8 +67,12 @@ pub(super) fn check(scenario: &Scenario) -> Result<(), String> {
             }
         }
     }
-    if scenario.lamp.is_empty() {
-        return Err("lamp is empty, expected at least one [[lamp]]: nobody is seen in the dark".into());
+    if scenario.lamp.is_empty() && scenario.window.is_empty() && scenario.television.is_empty() {
+        return Err(
+            "lamp is empty, expected at least one [[lamp]], [[window]] or [[television]]: nobody is seen in the \
+             dark"
+                .into(),
+        );
     }
     for (k, lamp) in scenario.lamp.iter().enumerate() {
         let [x, y, z] = lamp.at_m;
@@ -88,6 +92,7 @@ pub(super) fn check(scenario: &Scenario) -> Result<(), String> {
     within("visible.drift", visible.drift, 0.0, 0.9, "a part of the visible light")?;
     within("visible.drift_period_s", visible.drift_period_s, 0.1, 1e6, "seconds")?;
     check_visible_side(scenario)?;
+    super::ordinary::check(scenario)?;
     within("floor.speckle", scenario.floor.speckle, 0.0, 0.3, "a part of the albedo")?;
     within("floor.grain_m", scenario.floor.grain_m, 0.0005, 0.1, "metres")?;
     check_camera(&scenario.camera)?;
@@ -287,8 +292,8 @@ mod tests {
 
     fn unknown(key: &str) -> String {
         format!(
-            "unknown field `{key}`, expected one of `description`, `fps`, `background_s`, `duration_s`, `doorway`, `room`, \
-             `panel`, `lamp`, `person`, `visible`, `object`, `floor`, `wall`, `camera`, `flicker`"
+            "unknown field `{key}`, expected one of `description`, `fps`, `background_s`, `duration_s`, `ordinary`, `doorway`, `room`, \
+             `panel`, `lamp`, `window`, `television`, `furniture`, `leaf`, `person`, `visible`, `object`, `floor`, `wall`, `camera`, `flicker`"
         )
     }
 }

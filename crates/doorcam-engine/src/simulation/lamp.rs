@@ -46,34 +46,35 @@ impl Lamp {
     /// the place stands for, by which the shadow's border is softened.
     pub(super) fn hidden_by<'a>(&self, place: Vector, half: f64, parts: impl Iterator<Item = &'a Part>) -> f64 {
         // Each part takes its share of what the others leave: exact unless two borders cross the lamp at once.
-        1.0 - parts.map(|part| 1.0 - self.hidden_by_part(place, half, part)).product::<f64>()
+        1.0 - parts.map(|part| 1.0 - hidden_by_part(self.at, self.radius, place, half, part)).product::<f64>()
     }
+}
 
-    fn hidden_by_part(&self, place: Vector, half: f64, part: &Part) -> f64 {
-        let to_lamp = [self.at[0] - place[0], self.at[1] - place[1]];
-        let range = to_lamp[0].hypot(to_lamp[1]).max(1e-6);
-        let towards = to_lamp.map(|d| d / range);
-        let centre = [part.centre[0] - place[0], part.centre[1] - place[1]];
-        let along = centre[0] * towards[0] + centre[1] * towards[1];
-        if along < -part.radius || along > range + part.radius {
-            return 0.0;
-        }
-        let beside = towards[0] * centre[1] - towards[1] * centre[0];
-        let share = (along / range).clamp(0.0, 1.0);
-        // Half the width of the beam to the lamp where it passes the person.
-        let width = (self.radius * share).hypot(half * (1.0 - share)).max(1e-6);
-        let across = below((beside + part.radius) / width) - below((beside - part.radius) / width);
-        if across <= 0.0 {
-            return 0.0;
-        }
-        // Where the middle of the blocked beam enters and leaves the cylinder.
-        let middle = ((beside - part.radius).max(-width) + (beside + part.radius).min(width)) / 2.0 - beside;
-        let chord = (part.radius * part.radius - middle * middle).max(0.0).sqrt();
-        let height = |at: f64| place[2] + (self.at[2] - place[2]) * (at / range).clamp(0.0, 1.0);
-        let (near, far) = (height(along - chord), height(along + chord));
-        let beneath = if part.bottom > 0.0 { below((part.bottom - near.max(far)) / width) } else { 0.0 };
-        across * (below((part.top - near.min(far)) / width) - beneath).max(0.0)
+/// The part of a ball of that `radius` about `at` that an upright cylinder hides from a place.
+pub(super) fn hidden_by_part(at: Vector, radius: f64, place: Vector, half: f64, part: &Part) -> f64 {
+    let to_lamp = [at[0] - place[0], at[1] - place[1]];
+    let range = to_lamp[0].hypot(to_lamp[1]).max(1e-6);
+    let towards = to_lamp.map(|d| d / range);
+    let centre = [part.centre[0] - place[0], part.centre[1] - place[1]];
+    let along = centre[0] * towards[0] + centre[1] * towards[1];
+    if along < -part.radius || along > range + part.radius {
+        return 0.0;
     }
+    let beside = towards[0] * centre[1] - towards[1] * centre[0];
+    let share = (along / range).clamp(0.0, 1.0);
+    // Half the width of the beam to the lamp where it passes the person.
+    let width = (radius * share).hypot(half * (1.0 - share)).max(1e-6);
+    let across = below((beside + part.radius) / width) - below((beside - part.radius) / width);
+    if across <= 0.0 {
+        return 0.0;
+    }
+    // Where the middle of the blocked beam enters and leaves the cylinder.
+    let middle = ((beside - part.radius).max(-width) + (beside + part.radius).min(width)) / 2.0 - beside;
+    let chord = (part.radius * part.radius - middle * middle).max(0.0).sqrt();
+    let height = |along: f64| place[2] + (at[2] - place[2]) * (along / range).clamp(0.0, 1.0);
+    let (near, far) = (height(along - chord), height(along + chord));
+    let beneath = if part.bottom > 0.0 { below((part.bottom - near.max(far)) / width) } else { 0.0 };
+    across * (below((part.top - near.min(far)) / width) - beneath).max(0.0)
 }
 
 /// The part of a disc of radius 1 whose coordinate is below u.

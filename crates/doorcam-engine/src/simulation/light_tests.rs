@@ -5,7 +5,16 @@ use super::*;
 
 fn person(x: f64, y: f64, clothes: Rgb) -> PersonSpec {
     let walk = vec![(0.0, x, y)];
-    PersonSpec { radius_m: 0.2, height_m: 1.75, clothes, skin: [0.5, 0.4, 0.3], trousers: None, walk, repeat_s: None }
+    PersonSpec {
+        radius_m: 0.2,
+        height_m: 1.75,
+        clothes,
+        skin: [0.5, 0.4, 0.3],
+        trousers: None,
+        limbs: false,
+        walk,
+        repeat_s: None,
+    }
 }
 
 fn figures(people: &[PersonSpec]) -> Vec<Figure> {

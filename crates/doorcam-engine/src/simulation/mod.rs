@@ -8,6 +8,7 @@
 //!
 //! [`luminous`] is a simpler world for tests.
 
+mod camera_spec;
 mod check;
 mod crossings;
 mod exposure;
@@ -17,6 +18,7 @@ mod lamp;
 mod light;
 mod live;
 pub mod luminous;
+mod ordinary;
 mod recording;
 mod room;
 mod scenario;
@@ -27,6 +29,7 @@ mod visible;
 mod walk;
 
 pub use live::{LiveOptions, LiveSimulation};
+pub use ordinary::{FurnitureSpec, LampFacing, LeafSpec, SunSpec, TelevisionSpec, WindowSpec};
 pub use recording::{SimulationError, record_simulation};
 pub use scenario::{
     CameraSpec, FlickerSpec, FloorSpec, FrameFormat, LampKind, LampSpec, PanelSpec, PersonSpec, RoomAlbedo, RoomSpec,

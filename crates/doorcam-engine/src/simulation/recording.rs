@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::Simulator;
+use super::ordinary::TrueRoom;
 use doorcam_source::recorder::{RecordError, RecordingLimits, RecordingPlan, RecordingWriter};
 use doorcam_source::truth::{TrueCrossing, Truth};
 
@@ -32,11 +33,13 @@ const AT_A_TIME: u64 = 8;
 
 /// What is written to `truth.json`.
 #[derive(Serialize)]
-struct Written {
+struct Written<'a> {
     #[serde(flatten)]
     truth: Truth,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     bumps: Vec<TrueBump>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    room: Option<TrueRoom<'a>>,
 }
 
 /// A bump of the camera: where its picture is from then on, from where it was at first.
@@ -104,7 +107,7 @@ pub fn record_simulation(
     let path = out.join(Truth::FILE);
     let truth = Truth { frames: (0..frames).map(rounds).collect(), crossings: crossings(simulator, frames) };
     let bumps = bumps(simulator, frames);
-    let text = serde_json::to_vec(&Written { truth, bumps }).map_err(Into::into);
+    let text = serde_json::to_vec(&Written { truth, bumps, room: simulator.true_room() }).map_err(Into::into);
     text.and_then(|text| std::fs::write(&path, text)).map_err(|e| SimulationError::Io(path, e))?;
     for first in (0..frames).step_by(AT_A_TIME as usize) {
         let numbers = first..(first + AT_A_TIME).min(frames);

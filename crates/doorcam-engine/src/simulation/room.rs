@@ -25,14 +25,15 @@ pub(super) struct Shell {
     pub(super) texels: Vec<Texel>,
 }
 
+/// The texels of a rectangle.
 #[derive(Debug, Clone, Copy)]
-struct Surface {
+pub(super) struct Surface {
     /// Index of its first texel.
-    start: usize,
+    pub(super) start: usize,
     /// Texels along u and v.
-    count: [usize; 2],
+    pub(super) count: [usize; 2],
     /// Its size along u and v, in metres.
-    size: [f64; 2],
+    pub(super) size: [f64; 2],
 }
 
 /// A small piece of wall or ceiling.
@@ -134,14 +135,14 @@ impl Shell {
 /// Where a horizontal ray meets a wall.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WallHit {
-    surface: usize,
-    u: f64,
+    pub(super) surface: usize,
+    pub(super) u: f64,
     pub(super) distance: f64,
 }
 
 impl Surface {
     /// Bilinear between the texels' centres, constant beyond the outermost ones.
-    fn taps(&self, at: Point) -> Taps {
+    pub(super) fn taps(&self, at: Point) -> Taps {
         let [(i, a), (j, b)] = [0, 1].map(|k| {
             let last = self.count[k] - 1;
             let place = (at[k] / self.size[k] * self.count[k] as f64 - 0.5).clamp(0.0, last as f64);

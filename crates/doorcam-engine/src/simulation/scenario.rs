@@ -1,15 +1,16 @@
 use std::path::Path;
 
 use rust_embed::Embed;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
+
+pub use super::camera_spec::{CameraSpec, FlickerSpec, FrameFormat};
 
 use super::Walk;
+use super::ordinary::{FurnitureSpec, LampFacing, LeafSpec, TelevisionSpec, WindowSpec};
 use super::visible::{ObjectSpec, VisibleLampSpec, WallSpec};
 use doorcam_core::geometry::Doorway;
-use doorcam_core::optics::Transfer;
 use doorcam_core::scene::Rgb;
 use doorcam_source::files::{self, FileKind};
-use doorcam_source::recording::Layout;
 
 /// A scenario that cannot be used: one line with the file, the line or key, and what was expected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -36,6 +37,10 @@ pub struct Scenario {
     pub background_s: f64,
     /// Duration of a round in seconds, including the empty time; then a loop begins again.
     pub duration_s: f64,
+    /// Whether all surfaces of the room exchange light, as they do in a room with a window, a television, furniture, a
+    /// leaf, a glossy floor, a rectangular panel or somebody with limbs.
+    #[serde(default)]
+    pub ordinary: bool,
     /// The doorway.
     pub doorway: Doorway,
     /// The hidden room.
@@ -44,7 +49,20 @@ pub struct Scenario {
     #[serde(default)]
     pub panel: Vec<PanelSpec>,
     /// The lamps of the hidden room.
+    #[serde(default)]
     pub lamp: Vec<LampSpec>,
+    /// Its windows.
+    #[serde(default)]
+    pub window: Vec<WindowSpec>,
+    /// Its televisions.
+    #[serde(default)]
+    pub television: Vec<TelevisionSpec>,
+    /// Its furniture.
+    #[serde(default)]
+    pub furniture: Vec<FurnitureSpec>,
+    /// The door's leaf, open into the room; none if there is none, or if it is out of the way.
+    #[serde(default)]
+    pub leaf: Option<LeafSpec>,
     /// The people who walk there.
     #[serde(default)]
     pub person: Vec<PersonSpec>,
@@ -99,7 +117,7 @@ pub struct RoomAlbedo {
 }
 
 /// A wall that panels can hang on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum WallName {
     /// At x = −half_width_m.
@@ -125,7 +143,7 @@ pub struct PanelSpec {
 }
 
 /// Kind of a lamp.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LampKind {
     /// A sphere that shines evenly.
@@ -135,7 +153,7 @@ pub enum LampKind {
 }
 
 /// `[[lamp]]`
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct LampSpec {
     /// Its kind.
@@ -146,6 +164,13 @@ pub struct LampSpec {
     pub radius_m: f64,
     /// Radiant intensity in relative units; for a panel, straight down.
     pub rgb: Rgb,
+    /// Length and width of a panel that is a rectangle: along x and y, or along the wall and upwards if it does not
+    /// shine downwards. Its radius then counts for nothing.
+    #[serde(default)]
+    pub size_m: Option<[f64; 2]>,
+    /// Where a rectangular panel shines to.
+    #[serde(default)]
+    pub faces: LampFacing,
     /// Times and the level from then on: 0 is off, 1 applies before the first.
     #[serde(default)]
     pub switch: Vec<(f64, f64)>,
@@ -169,6 +194,9 @@ pub struct PersonSpec {
     /// Albedo of the legs, where people have some: half that of the clothes by default.
     #[serde(default)]
     pub trousers: Option<Rgb>,
+    /// Whether they have legs and arms in the room's light; people of a scenario with somebody on the visible side do.
+    #[serde(default)]
+    pub limbs: bool,
     /// Waypoints [seconds, x, y]; the person is only there from the first to the last.
     pub walk: Vec<(f64, f64, f64)>,
     /// Seconds after which the walk begins again; none for a single walk.
@@ -206,90 +234,16 @@ pub struct FloorSpec {
     pub speckle: f64,
     /// Size of a speckle.
     pub grain_m: f64,
+    /// Part of the light straight from above that it mirrors, more or less blurred, besides what it scatters.
+    pub gloss: f64,
+    /// How much it blurs what it mirrors: the α of a GGX lobe.
+    pub roughness: f64,
 }
 
 impl Default for FloorSpec {
     fn default() -> Self {
-        Self { albedo: [0.6, 0.6, 0.6], speckle: 0.0, grain_m: 0.004 }
+        Self { albedo: [0.6, 0.6, 0.6], speckle: 0.0, grain_m: 0.004, gloss: 0.0, roughness: 0.22 }
     }
-}
-
-/// What a simulated camera delivers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum FrameFormat {
-    /// JPEG files.
-    Jpeg,
-    /// 8-bit PNG files.
-    Png,
-    /// Raw pixels, as in a webcam's uncompressed format; recorded as PNG.
-    Rgb,
-}
-
-/// `[camera]`
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CameraSpec {
-    /// "camera": its picture; "patches": rectified squares of floor in 16-bit linear light, which no camera delivers.
-    #[serde(default = "camera_layout")]
-    pub layout: Layout,
-    /// Its position.
-    pub at_m: [f64; 3],
-    /// The floor point in the centre of its picture.
-    pub look_at_m: [f64; 2],
-    /// Angle spanned by the width of its picture, in degrees.
-    pub field_of_view_deg: f64,
-    /// Clockwise rotation about its line of sight, in degrees.
-    #[serde(default)]
-    pub roll_deg: f64,
-    /// Width and height in pixels; for patches, the width counts.
-    #[serde(default = "usual_size")]
-    pub size: [usize; 2],
-    /// Side of the squares with layout "patches".
-    #[serde(default = "usual_fov")]
-    pub fov_m: f64,
-    /// Mean light of the floor beside the edges while the room is empty, relative to full scale.
-    #[serde(default = "usual_level")]
-    pub level: f64,
-    /// Times and the exposure factor from then on; 1 applies before the first.
-    #[serde(default)]
-    pub exposure: Vec<(f64, f64)>,
-    /// Times at which somebody bumps it, and where its picture is from then on: pixels to the right and down, and
-    /// degrees clockwise about its middle, from where it was at first.
-    #[serde(default)]
-    pub bump: Vec<(f64, f64, f64, f64)>,
-    /// Electrons of a pixel at full scale; determines photon noise.
-    #[serde(default = "usual_electrons")]
-    pub full_scale_electrons: f64,
-    /// Standard deviation of a pixel's read noise, in electrons.
-    #[serde(default = "usual_read")]
-    pub read_electrons: f64,
-    /// Transfer function from light to codes.
-    #[serde(default = "srgb")]
-    pub transfer: Transfer,
-    /// What it delivers.
-    #[serde(default = "jpeg")]
-    pub format: FrameFormat,
-    /// JPEG quality.
-    #[serde(default = "usual_quality")]
-    pub quality: u8,
-}
-
-/// `[flicker]`: lamps on the mains brighten twice per period.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FlickerSpec {
-    /// Frequency of the mains.
-    pub mains_hz: f64,
-    /// Amplitude of the hidden light's rise and fall, as a part of itself.
-    pub hidden: f64,
-    /// Amplitude of the visible light's rise and fall, as a part of itself.
-    pub visible: f64,
-    /// Exposure time of each row of pixels, in seconds.
-    pub exposure_s: f64,
-    /// Delay of each row after the one above it, in seconds; 0 for a global shutter.
-    #[serde(default)]
-    pub line_s: f64,
 }
 
 fn usual_radius() -> f64 {
@@ -307,34 +261,6 @@ fn white() -> Rgb {
 fn minute() -> f64 {
     60.0
 }
-fn camera_layout() -> Layout {
-    Layout::Camera
-}
-fn usual_size() -> [usize; 2] {
-    [640, 360]
-}
-fn usual_fov() -> f64 {
-    0.3
-}
-fn usual_level() -> f64 {
-    0.45
-}
-fn usual_electrons() -> f64 {
-    10_000.0
-}
-fn usual_read() -> f64 {
-    8.0
-}
-fn srgb() -> Transfer {
-    Transfer::Srgb
-}
-fn jpeg() -> FrameFormat {
-    FrameFormat::Jpeg
-}
-fn usual_quality() -> u8 {
-    95
-}
-
 /// The value in force at a time: that of the last entry not later than it; 1 before the first.
 pub(super) fn in_force(entries: &[(f64, f64)], seconds: f64) -> f64 {
     entries.iter().rev().find(|(at, _)| *at <= seconds).map_or(1.0, |(_, value)| *value)
@@ -369,7 +295,8 @@ impl Scenario {
         Self::parse(&text).map_err(error)
     }
 
-    /// The same, as its seed says: `walk-through`, `pass-by`, `bag` and `bump` are different with each.
+    /// The same, as its seed says: `walk-through`, `pass-by`, `bag`, `bump` and `random` are
+    /// different with each.
     ///
     /// # Errors
     ///
@@ -377,6 +304,22 @@ impl Scenario {
     pub fn varied(name: &str, seed: u64) -> Result<Self, ScenarioError> {
         let mut scenario = Self::load(name)?;
         super::variation::vary(&mut scenario, name, seed);
+        Ok(scenario)
+    }
+
+    /// The room of a seed: its own door, walls, lights, camera and walks (docs/simulator.md has the distributions), with
+    /// so many people, or as many as the seed says.
+    ///
+    /// # Errors
+    ///
+    /// If there are to be fewer than one or more than four people.
+    pub fn random(seed: u64, people: Option<usize>) -> Result<Self, ScenarioError> {
+        let most = super::variation::MOST_PEOPLE;
+        if let Some(count) = people.filter(|count| !(1..=most).contains(count)) {
+            return Err(ScenarioError(format!("{count} people: expected 1 to {most}")));
+        }
+        let mut scenario = Self::load(super::variation::RANDOM)?;
+        super::variation::random(&mut scenario, seed, people);
         Ok(scenario)
     }
 
@@ -408,6 +351,18 @@ impl Scenario {
     /// picture.
     pub(super) fn shows_people(&self) -> bool {
         !self.object.is_empty() || self.person.iter().any(Self::goes_outside)
+    }
+
+    /// Whether it has what only [`super::ordinary`] knows.
+    pub(super) fn is_ordinary(&self) -> bool {
+        self.ordinary
+            || !self.window.is_empty()
+            || !self.television.is_empty()
+            || !self.furniture.is_empty()
+            || self.leaf.is_some()
+            || self.floor.gloss > 0.0
+            || self.person.iter().any(|person| person.limbs)
+            || self.lamp.iter().any(|lamp| lamp.size_m.is_some())
     }
 
     /// Whether a person is on the visible side at any time.

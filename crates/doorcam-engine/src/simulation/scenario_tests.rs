@@ -3,7 +3,7 @@ use super::*;
 #[test]
 fn every_scenario_that_comes_along_is_valid_and_begins_and_ends_with_nobody() {
     let names = Scenario::names();
-    assert_eq!(names.len(), 13, "{names:?}");
+    assert_eq!(names.len(), 14, "{names:?}");
     for name in names {
         let scenario = Scenario::load(&name).unwrap();
         assert!(scenario.background_s >= 3.0, "{name}");
@@ -53,4 +53,13 @@ fn an_unknown_name_is_answered_with_the_known_ones() {
 fn entries_are_in_force_from_their_time_on() {
     let entries = [(2.0, 0.5), (4.0, 0.0)];
     assert_eq!([-1.0, 1.9, 2.0, 3.9, 9.0].map(|t| in_force(&entries, t)), [1.0, 1.0, 0.5, 0.5, 0.0]);
+}
+
+/// All other scenarios that come along are rendered as they always were, so that their frames stay the same.
+#[test]
+fn of_those_that_come_along_only_random_is_an_ordinary_room() {
+    for name in Scenario::names() {
+        assert_eq!(Scenario::load(&name).unwrap().is_ordinary(), name == "random", "{name}");
+        assert_eq!(Scenario::varied(&name, 5).unwrap().is_ordinary(), name == "random", "{name}");
+    }
 }

@@ -8,8 +8,9 @@ use super::Walk;
 use super::crossings::crossings;
 use super::exposure::{Exposure, Shot};
 use super::figure::Figure;
-use super::floor::FloorMap;
+use super::floor::{FloorMap, Tap};
 use super::light::RoomLight;
+use super::ordinary::{OrdinaryLight, Person, TrueRoom};
 use super::scenario::{FrameFormat, PersonSpec, Scenario, in_force};
 use super::view::{Bump, Pinhole, Seen, View, floor_points, patch_grid};
 use super::visible::{Body, Looks, ObjectSpec, Sight, Stage, VisibleLamp, pose};
@@ -35,7 +36,7 @@ const REFERENCE: PatchGrid = PatchGrid { size: 16, fov_m: 0.3, layout: PixelLayo
 pub struct Simulator {
     scenario: Scenario,
     seed: u64,
-    light: RoomLight,
+    light: Light,
     views: Vec<Outlook>,
     exposure: Exposure,
     walks: Vec<Walk>,
@@ -57,10 +58,29 @@ struct Outlook {
     view: View,
 }
 
+/// The light of the hidden room.
+#[derive(Debug, Clone)]
+#[expect(clippy::large_enum_variant, reason = "there is one of them for each simulator")]
+enum Light {
+    Plain(RoomLight),
+    Ordinary(OrdinaryLight),
+}
+
+impl Light {
+    fn floor(&self) -> &FloorMap {
+        match self {
+            Self::Plain(light) => light.floor(),
+            Self::Ordinary(light) => light.floor(),
+        }
+    }
+}
+
 /// Everybody and everything that is somewhere at one moment.
 enum Cast {
     /// People of a scenario whose camera sees nobody.
     Unseen(Vec<Figure>),
+    /// The same in an ordinary room.
+    Ordinary(Vec<Person>),
     /// All people and things, if some are on the visible side.
     Seen(Vec<Body>),
 }
@@ -73,9 +93,17 @@ impl Simulator {
     /// If the camera sees too few of the marks at the doorway's foot; the message names the keys, not the file.
     pub fn new(scenario: Scenario, seed: u64) -> Result<Self, String> {
         let manifest = manifest(&scenario, seed)?;
-        let mut light = RoomLight::new(&scenario);
-        let views = outlooks(&scenario, &light);
-        light.look_only_at(views.iter().flat_map(|outlook| outlook.view.pixels.iter().flat_map(|pixel| pixel.taps)));
+        let floor = FloorMap::new(scenario.doorway);
+        let views = outlooks(&scenario, &floor);
+        let seen = views.iter().flat_map(|outlook| outlook.view.pixels.iter().flat_map(|pixel| pixel.taps));
+        let light = if scenario.is_ordinary() {
+            let others: Vec<Tap> = lit_places(&scenario.doorway).flat_map(|place| floor.taps(place)).collect();
+            Light::Ordinary(OrdinaryLight::new(&scenario, floor, seen.chain(others)))
+        } else {
+            let mut light = RoomLight::new(&scenario);
+            light.look_only_at(seen);
+            Light::Plain(light)
+        };
         let exposure = Exposure::new(&scenario.camera, scenario.flicker);
         let walks = scenario.person.iter().map(Scenario::walk).collect();
         let reference: Vec<Point> =
@@ -89,8 +117,8 @@ impl Simulator {
 
     /// Sets the visible side's light and the gain from the light on the floor beside the edges of the empty room.
     fn set_level(&mut self) {
-        let levels = self.levels(-self.scenario.background_s);
-        let nodes = self.light.light(&levels, Vec::new(), [0.0; 3]);
+        let levels = self.levels(-self.scenario.background_s, None);
+        let nodes = self.hidden_light(&levels, Cast::Unseen(Vec::new()), [0.0; 3]).0;
         let hidden = mean_light(&self.scenario.doorway, self.light.floor(), &nodes);
         let mean = hidden.iter().sum::<f64>() / 3.0;
         let spec = &self.scenario.visible;
@@ -139,6 +167,14 @@ impl Simulator {
         TrueFrame { index, t: index as f64 / self.scenario.fps, targets: targets.collect() }
     }
 
+    /// What is in an ordinary room; none for another one.
+    pub(super) fn true_room(&self) -> Option<TrueRoom<'_>> {
+        match &self.light {
+            Light::Plain(_) => None,
+            Light::Ordinary(light) => Some(TrueRoom::new(&self.scenario, light.sees_a_source())),
+        }
+    }
+
     /// Who goes through the doorway in a round or turns around on its threshold, in order of time.
     pub fn true_crossings(&self) -> Vec<TrueCrossing> {
         let scenario = &self.scenario;
@@ -167,7 +203,8 @@ impl Simulator {
 
     fn cast_at(&self, seconds: f64) -> Cast {
         let people = self.people_at(seconds);
-        if !self.scenario.shows_people() {
+        let shown = self.scenario.shows_people();
+        if !shown && !self.scenario.is_ordinary() {
             return Cast::Unseen(
                 people.map(|(_, p, at)| Figure::new(at, p.radius_m, p.height_m, p.clothes, p.skin)).collect(),
             );
@@ -182,14 +219,44 @@ impl Simulator {
             };
             Some(Body::person(&looks, &pose(self.walks.get(id as usize - 1)?, seconds)?))
         };
+        if !shown {
+            let ordinary = |(id, p, at): (u64, &PersonSpec, Point)| {
+                if p.limbs {
+                    return person((id, p, at)).as_ref().map(Person::body);
+                }
+                Some(Person::cylinder(at, p.radius_m, p.height_m, p.clothes, p.skin))
+            };
+            return Cast::Ordinary(people.filter_map(ordinary).collect());
+        }
         let there = |object: &&ObjectSpec| seconds >= object.from_s && object.until_s.is_none_or(|end| seconds < end);
         let objects = self.scenario.object.iter().filter(there);
         let bag = |o: &ObjectSpec| Body::bag(o.at_m, o.length_m, o.thickness_m, o.turn_deg.to_radians(), o.albedo);
         Cast::Seen(people.filter_map(person).chain(objects.map(bag)).collect())
     }
 
-    fn levels(&self, seconds: f64) -> Vec<f64> {
-        self.scenario.lamp.iter().map(|lamp| in_force(&lamp.switch, seconds)).collect()
+    /// The level of each of the room's lights. `seconds` count from the end of the empty time, `shown` from the first
+    /// frame of all; without that, what flickers has its mean.
+    fn levels(&self, seconds: f64, shown: Option<f64>) -> Vec<f64> {
+        match &self.light {
+            Light::Plain(_) => self.scenario.lamp.iter().map(|lamp| in_force(&lamp.switch, seconds)).collect(),
+            Light::Ordinary(light) => light.levels(seconds, shown, self.seed),
+        }
+    }
+
+    /// The room's light on the floor, and the bodies among those who are there.
+    fn hidden_light(&self, levels: &[f64], cast: Cast, visible: [f64; 3]) -> (Vec<[f32; 3]>, Vec<Body>) {
+        match (&self.light, cast) {
+            (Light::Plain(light), Cast::Unseen(figures)) => (light.light(levels, figures, visible), Vec::new()),
+            (Light::Plain(light), Cast::Seen(bodies)) => {
+                (light.light(levels, bodies.iter().map(Body::figure).collect(), visible), bodies)
+            }
+            (Light::Ordinary(light), Cast::Seen(bodies)) => {
+                (light.light(levels, bodies.iter().map(Person::body).collect(), visible), bodies)
+            }
+            (Light::Ordinary(light), Cast::Ordinary(people)) => (light.light(levels, people, visible), Vec::new()),
+            (Light::Ordinary(light), Cast::Unseen(_)) => (light.light(levels, Vec::new(), visible), Vec::new()),
+            (Light::Plain(light), Cast::Ordinary(_)) => (light.light(levels, Vec::new(), visible), Vec::new()),
+        }
     }
 
     fn images(&self, number: u64) -> Result<RawImages, String> {
@@ -197,12 +264,8 @@ impl Simulator {
         let spec = &self.scenario.visible;
         let drift = 1.0 + spec.drift * (std::f64::consts::TAU * seconds / spec.drift_period_s).sin();
         let visible = self.visible.map(|v| v * drift);
-        let levels = self.levels(seconds);
-        let (figures, bodies) = match self.cast_at(seconds) {
-            Cast::Unseen(figures) => (figures, Vec::new()),
-            Cast::Seen(bodies) => (bodies.iter().map(Body::figure).collect(), bodies),
-        };
-        let light = self.light.light(&levels, figures, visible);
+        let levels = self.levels(seconds, Some(number as f64 / self.scenario.fps));
+        let (light, bodies) = self.hidden_light(&levels, self.cast_at(seconds), visible);
         let outlook = self.outlook(seconds);
         let sights =
             (!bodies.is_empty() || !self.lamps.is_empty()).then(|| self.sights(&levels, &bodies, visible, outlook));
@@ -233,7 +296,10 @@ impl Simulator {
     /// What the visible side's lamps, people and things make of each pixel.
     fn sights(&self, levels: &[f64], bodies: &[Body], visible: [f64; 3], outlook: &Outlook) -> Vec<Sight> {
         // Of the empty room: a body is not lit by the floor in its own shadow.
-        let empty = if bodies.is_empty() { Vec::new() } else { self.light.light(levels, Vec::new(), visible) };
+        let empty = match bodies {
+            [] => Vec::new(),
+            _ => self.hidden_light(levels, Cast::Unseen(Vec::new()), visible).0,
+        };
         let half = self.scenario.doorway.half_width();
         let hidden = |[x, y]: Point| {
             let place = [x.clamp(0.02 - half, half - 0.02), y.clamp(-LIT_M, LIT_M)];
@@ -295,8 +361,8 @@ fn png(samples: &[u8], [width, height]: [usize; 2], colour: ExtendedColorType) -
 }
 
 /// What the camera sees at first and after each bump.
-fn outlooks(scenario: &Scenario, light: &RoomLight) -> Vec<Outlook> {
-    let seen = Seen { doorway: &scenario.doorway, floor: &scenario.floor, wall: &scenario.wall, map: light.floor() };
+fn outlooks(scenario: &Scenario, map: &FloorMap) -> Vec<Outlook> {
+    let seen = Seen { doorway: &scenario.doorway, floor: &scenario.floor, wall: &scenario.wall, map };
     if scenario.camera.layout == Layout::Patches {
         return vec![Outlook { from_s: 0.0, camera: None, view: View::patches(&patch_grid(&scenario.camera), &seen) }];
     }
@@ -310,6 +376,16 @@ fn outlooks(scenario: &Scenario, light: &RoomLight) -> Vec<Outlook> {
             Outlook { from_s, camera: Some(camera), view: View::picture(&camera, &seen) }
         })
         .collect()
+}
+
+/// Places whose light is needed whatever the camera sees: beside the edges, and where somebody may stand in the opening.
+fn lit_places(doorway: &Doorway) -> impl Iterator<Item = Point> {
+    let half = doorway.half_width();
+    let reference = Side::BOTH.into_iter().flat_map(|side| REFERENCE.points(doorway, side));
+    let opening = (0..=20).flat_map(move |i| {
+        (0..=40).map(move |j| [half * (f64::from(i) / 10.0 - 1.0), LIT_M * (f64::from(j) / 20.0 - 1.0)])
+    });
+    reference.collect::<Vec<_>>().into_iter().chain(opening)
 }
 
 /// Mean light on the floor beside both edges.

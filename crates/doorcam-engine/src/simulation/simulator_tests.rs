@@ -18,6 +18,7 @@ fn figures(simulator: &Simulator, seconds: f64) -> Vec<Figure> {
     match simulator.cast_at(seconds) {
         Cast::Unseen(figures) => figures,
         Cast::Seen(bodies) => bodies.iter().map(Body::figure).collect(),
+        Cast::Ordinary(_) => panic!("an ordinary room"),
     }
 }
 
@@ -193,9 +194,10 @@ fn people_darken_the_floor_by_some_percent_in_every_scenario_that_has_them() {
                 continue;
             }
             let seconds = simulator.seconds_after_empty(index);
-            let levels = simulator.levels(seconds);
-            let empty = simulator.light.light(&levels, Vec::new(), [0.0; 3]);
-            let nodes = simulator.light.light(&levels, figures(&simulator, seconds), simulator.visible);
+            let levels = simulator.levels(seconds, None);
+            let light = |cast: Cast| simulator.hidden_light(&levels, cast, simulator.visible).0;
+            let empty = light(Cast::Unseen(Vec::new()));
+            let nodes = light(simulator.cast_at(seconds));
             let mut squares = 0.0;
             for &point in &points {
                 let [a, b] = map.taps(point).map(|tap| tap.of(&nodes));
@@ -229,7 +231,8 @@ fn nodes_that_no_pixel_needs_may_be_left_out() {
     let simulator = simulator(with_person, 1);
     let all = RoomLight::new(simulator.scenario());
     let people = || figures(&simulator, 1.0);
-    let (some, all) = (simulator.light.light(&[1.0], people(), [0.0; 3]), all.light(&[1.0], people(), [0.0; 3]));
+    let some = simulator.hidden_light(&[1.0], Cast::Unseen(people()), [0.0; 3]).0;
+    let all = all.light(&[1.0], people(), [0.0; 3]);
     assert_ne!(some, all);
     for pixel in &simulator.views[0].view.pixels {
         assert_eq!(pixel.taps.map(|tap| tap.of(&some)), pixel.taps.map(|tap| tap.of(&all)));

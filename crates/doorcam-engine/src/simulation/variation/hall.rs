@@ -1,4 +1,5 @@
 use super::draw::Draw;
+use crate::simulation::ordinary::LampFacing;
 use crate::simulation::scenario::{LampKind, LampSpec, PanelSpec, Scenario, WallName};
 use crate::simulation::visible::VisibleLampSpec;
 use doorcam_core::scene::Rgb;
@@ -63,6 +64,8 @@ fn light(scenario: &mut Scenario, draw: &mut Draw) -> &'static str {
         at_m: [side * (wide - draw.between(0.2, 0.4)), 0.15, ceiling - draw.between(0.2, 0.4)],
         radius_m: 0.1,
         rgb: [1.0, draw.between(0.88, 1.0), draw.between(0.75, 0.95)],
+        size_m: None,
+        faces: LampFacing::Down,
         switch: Vec::new(),
     };
     let visible = &mut scenario.visible;
@@ -81,6 +84,8 @@ fn light(scenario: &mut Scenario, draw: &mut Draw) -> &'static str {
                 at_m: [draw.between(-0.4, 0.4), draw.between(1.4, 2.0), ceiling - 0.02],
                 radius_m: 0.3,
                 rgb: [1.0, 0.97, 0.9],
+                size_m: None,
+                faces: LampFacing::Down,
                 switch: Vec::new(),
             }];
             visible.share = draw.between(0.35, 0.5);

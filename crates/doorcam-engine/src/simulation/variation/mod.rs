@@ -3,6 +3,8 @@
 mod draw;
 mod hall;
 mod paths;
+mod rooms;
+mod strolls;
 
 use super::scenario::{PersonSpec, Scenario};
 use draw::Draw;
@@ -17,8 +19,29 @@ type Vary = fn(&mut Scenario, &mut Draw);
 /// The scenarios that vary.
 const VARIED: [(&str, Vary); 4] = [("bag", bag), ("bump", bump), ("pass-by", pass_by), ("walk-through", walk_through)];
 
+/// The scenario that is another room with each seed.
+pub(super) const RANDOM: &str = "random";
+/// Most people in it.
+pub(super) const MOST_PEOPLE: usize = strolls::MOST_PEOPLE;
+
+/// Makes a room, its door, camera and lights as the seed says, with so many people, or as many as the seed says.
+pub(super) fn random(scenario: &mut Scenario, seed: u64, people: Option<usize>) {
+    let mut draw = Draw::new(RANDOM, seed);
+    scenario.ordinary = true;
+    let light = rooms::room(scenario, &mut draw);
+    let count = strolls::people(scenario, &mut draw, people);
+    let who = match count {
+        1 => "one person".into(),
+        count => format!("{count} people"),
+    };
+    scenario.description = format!("{who} in an ordinary room, {light}");
+}
+
 /// Changes a scenario of that name as its seed says; those that do not vary remain as they are.
 pub(super) fn vary(scenario: &mut Scenario, name: &str, seed: u64) {
+    if name == RANDOM {
+        return random(scenario, seed, None);
+    }
     if let Some((_, vary)) = VARIED.iter().find(|(varied, _)| *varied == name) {
         let mut draw = Draw::new(name, seed);
         let light = hall::hall(scenario, &mut draw);
@@ -39,6 +62,7 @@ fn person(draw: &mut Draw, walk: Vec<(f64, f64, f64)>) -> PersonSpec {
         height_m: draw.between(1.55, 1.85),
         clothes,
         trousers: Some(trousers.map(|c| 0.6 * c)),
+        limbs: false,
         skin: draw.pick(&[[0.03, 0.025, 0.02], [0.12, 0.07, 0.04], [0.3, 0.22, 0.12], [0.5, 0.36, 0.29]]),
         walk,
         repeat_s: None,
@@ -138,3 +162,7 @@ fn bump(scenario: &mut Scenario, draw: &mut Draw) {
 #[cfg(test)]
 #[path = "variation_tests.rs"]
 mod tests;
+
+#[cfg(test)]
+#[path = "random_tests.rs"]
+mod random_tests;

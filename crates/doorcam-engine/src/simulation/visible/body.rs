@@ -123,6 +123,22 @@ impl Body {
         Self { capsules: vec![(capsule, colour)], columns: (0..count).map(column).collect(), hull }
     }
 
+    /// What it is made of, each with its albedo.
+    pub(in crate::simulation) fn capsules(&self) -> &[(Capsule, Rgb)] {
+        &self.capsules
+    }
+
+    /// The same as upright cylinders.
+    pub(in crate::simulation) fn columns(&self) -> &[(Part, Rgb)] {
+        &self.columns
+    }
+
+    /// Its middle on the floor plan.
+    pub(in crate::simulation) fn axis(&self) -> Point {
+        let ([ax, ay, _], [bx, by, _]) = (self.hull.from, self.hull.to);
+        [(ax + bx) / 2.0, (ay + by) / 2.0]
+    }
+
     /// What the light of the hidden room meets.
     pub(in crate::simulation) fn figure(&self) -> Figure {
         Figure::of_parts(self.columns.clone())
