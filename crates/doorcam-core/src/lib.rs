@@ -102,6 +102,7 @@ pub mod scene;
 #[cfg(feature = "schema")]
 pub mod schema;
 pub mod solver;
+pub mod still_room;
 #[cfg(test)]
 mod testing;
 pub mod tracking;

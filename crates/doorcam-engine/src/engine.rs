@@ -263,8 +263,9 @@ impl Engine {
         self.sequence += 1;
         let difference = scene.is_some().then(|| self.reconstructor.difference().clone());
         let sensing = scene.is_some().then(|| self.reconstructor.sensing().cloned()).flatten();
+        let still = scene.is_some().then(|| self.reconstructor.still().cloned()).flatten();
         let patches = Some(self.pair.clone());
-        Ok(Published { patches, detections, sensing, reference, ..Published::new(update, scene, difference) })
+        Ok(Published { patches, detections, sensing, still, reference, ..Published::new(update, scene, difference) })
     }
 
     /// Looks at the whole picture that was decoded, whether the camera has moved. If the calibration may follow it,

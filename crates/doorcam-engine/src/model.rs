@@ -49,7 +49,7 @@ pub enum SetupError {
 }
 
 /// Height of a person, in metres: accurate enough for anybody who stands.
-const BODY_HEIGHT_M: f64 = 1.7;
+pub(crate) const BODY_HEIGHT_M: f64 = 1.7;
 
 /// With fewer pixels than this, facets cannot be told apart.
 const LEAST_PIXELS: usize = 64;

@@ -6,12 +6,14 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::Model;
+use crate::model::BODY_HEIGHT_M;
 use crate::texture_reach::{reach_in, texture_reach};
-use doorcam_core::geometry::Side;
+use doorcam_core::geometry::{Room, Side};
 use doorcam_core::light::{Background, Floor, NoiseModel, PatchPair, Sensing, drift_patterns};
 use doorcam_core::solver::{
     Admissible, Columns, Correlations, Lambda, ModelKind, Nuisance, Pixels, Projection, Solver,
 };
+use doorcam_core::still_room::{Empty, StillRoom};
 use doorcam_core::tracking::likelihood::{Finder, Likelihood, LikelihoodSpec};
 use doorcam_core::transport::Transport;
 
@@ -29,6 +31,8 @@ pub struct Problem {
     pub values: usize,
     /// What the pixels can measure; none with the published model, which does not use the noise.
     pub sensing: Option<Arc<Sensing>>,
+    /// What the room looks like while it is empty; none with the published model, and in the dark.
+    pub still: Option<Arc<StillRoom>>,
     penalty: Penalty,
     /// Whether so few frames of the empty room are known that its noise cannot be told from the floor's texture.
     few_frames: bool,
@@ -59,6 +63,11 @@ const COLOURED: f64 = 3.0;
 const ENOUGH: usize = 4;
 /// In one of this many frames of an empty room, noise may make something show.
 const FRAMES: f64 = 1000.0;
+/// Least size of the room whose walls people hide, in metres: half its width, and its depth. People are often looked for in
+/// a part of the room only, and for what they hide only directions matter much.
+const LEAST_ROOM_M: [f64; 2] = [2.0, 4.0];
+/// How far beyond the known walls those are thought to be at least, in metres.
+const BEYOND_M: f64 = 0.2;
 /// One of this many floors may have a texture that shows something when a lamp of the visible side changes.
 const FLOORS: f64 = 100.0;
 
@@ -89,6 +98,7 @@ impl Problem {
             finder: None,
             values,
             sensing: None,
+            still: None,
             penalty: Penalty::Fixed(lambda),
             few_frames: false,
         }
@@ -118,10 +128,12 @@ impl Problem {
         // Large and no longer needed; the finder below needs memory of its own.
         drop(transport);
         let values = 3 * weights.iter().flatten().filter(|&&w| w > 0.0).count();
-        let finder = finder(model, background.mean(), &frames, &weights, &floors);
+        let still = still_room(model, background.mean(), &floors);
+        let finder = finder(model, background.mean(), &frames, &weights, &floors, still.as_ref());
+        let still = still.map(Arc::new);
         let sensing = Some(Arc::new(Sensing { still: background.mean().clone(), weights }));
         let few_frames = frames.len() < ENOUGH;
-        Self { projection, solver, finder, values, sensing, penalty, few_frames }
+        Self { projection, solver, finder, values, sensing, still, penalty, few_frames }
     }
 
     /// Whether the noise of the empty room is known, so that what it cannot be can be told.
@@ -223,6 +235,22 @@ fn signed_projection(
     Projection::new(transport, &Pixels { weights: weights.clone(), albedo }, &nuisance, Columns::UnitNorm)
 }
 
+/// What the hidden room looks like in the picture of the empty floor.
+fn still_room(model: &Model, empty: &PatchPair, floors: &[Floor; 2]) -> Option<StillRoom> {
+    let Room { half_width_m, depth_m } = model.grid.room;
+    StillRoom::fit(&Empty {
+        doorway: &model.doorway,
+        room: Room {
+            half_width_m: (half_width_m + BEYOND_M).max(LEAST_ROOM_M[0]),
+            depth_m: (depth_m + BEYOND_M).max(LEAST_ROOM_M[1]),
+        },
+        patch: &model.patch,
+        fans: &model.fans,
+        picture: empty,
+        floors,
+    })
+}
+
 /// Finds people in differences from `empty`, the background of `frames`.
 fn finder(
     model: &Model,
@@ -230,6 +258,7 @@ fn finder(
     frames: &[&PatchPair],
     weights: &[Vec<f64>; 2],
     floors: &[Floor; 2],
+    still: Option<&StillRoom>,
 ) -> Option<Finder> {
     let levels = || Side::BOTH.into_iter().flat_map(|side| empty.side(side).data()).map(|&v| f64::from(v));
     let level = levels().sum::<f64>() / levels().count().max(1) as f64;
@@ -250,6 +279,8 @@ fn finder(
         patterns: [[left, left_drift].concat(), [right, right_drift].concat()],
         empty: frames,
         level,
+        still,
+        body: [model.body_radius_m, BODY_HEIGHT_M],
     })?;
     Some(Finder::new(model.doorway, likelihood, model.body_radius_m))
 }

@@ -6,6 +6,7 @@ use doorcam_core::geometry::{Point, Side};
 use doorcam_core::light::{Background, PatchPair, Sensing, Usable};
 use doorcam_core::scene::{BlobWorkspace, Rgb, Scene};
 use doorcam_core::solver::{Audit, Correlations, Limits, ProjectionError, Solution, Start, Workspace, audit};
+use doorcam_core::still_room::StillRoom;
 use doorcam_core::tracking::{Detection, Prediction};
 
 /// Blobs only seed the search for people and are refined later, so a rough solution is enough.
@@ -231,6 +232,11 @@ impl Reconstructor {
     /// What the pixels can measure; none before there is a background, and with the published model.
     pub(super) fn sensing(&self) -> Option<&Arc<Sensing>> {
         self.problem.as_ref()?.problem.sensing.as_ref()
+    }
+
+    /// What the room looks like while it is empty; none before there is a background, and with the published model.
+    pub(super) fn still(&self) -> Option<&Arc<StillRoom>> {
+        self.problem.as_ref()?.problem.still.as_ref()
     }
 
     /// The last frame's difference (eq. 4), in linear light.

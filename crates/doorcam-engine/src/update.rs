@@ -10,6 +10,7 @@ use doorcam_core::light::{PatchPair, Sensing};
 use doorcam_core::scene::{Rgb, Scene};
 #[cfg(feature = "schema")]
 use doorcam_core::solver::ModelKind;
+use doorcam_core::still_room::StillRoom;
 use doorcam_core::tracking::{Detection, Event, Occupancy, Track, TrackState};
 
 /// Whether the map can be trusted.
@@ -366,6 +367,9 @@ pub struct Published {
     pub detections: Vec<Detection>,
     /// What the pixels can measure; none while learning, and with the published model.
     pub sensing: Option<Arc<Sensing>>,
+    /// What the room looks like while it is empty, as its light on the floor tells; none while learning, with the
+    /// published model, and in the dark.
+    pub still: Option<Arc<StillRoom>>,
     /// The picture of the empty room that tells whether the camera has moved; none before it is taken.
     pub reference: Option<Arc<Overview>>,
     /// When it was published.
@@ -385,6 +389,7 @@ impl Published {
             patches: None,
             detections: Vec::new(),
             sensing: None,
+            still: None,
             reference: None,
             at: Instant::now(),
         }

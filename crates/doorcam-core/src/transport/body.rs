@@ -41,15 +41,35 @@ impl FloorView {
     /// Light from a body of unit radiance (per steradian): the visible part of its outline's azimuths, times
     /// ½ H² / (ρ² + H²) at its axis or at the lintel, whichever is lower.
     pub fn body(&self, doorway: &Doorway, body: &Body) -> f64 {
-        let (dx, dy) = (body.centre[0] - self.point[0], body.centre[1] - self.point[1]);
-        let distance2 = dx * dx + dy * dy;
-        let half = (body.radius_m / distance2.sqrt()).min(1.0).asin();
-        let middle = dx.atan2(dy);
-        let seen = (middle + half).min(self.last) - (middle - half).max(self.first);
-        if seen <= 0.0 {
+        let [from, to] = self.outline(body);
+        if to <= from {
             return 0.0;
         }
-        0.5 * seen * share(body.height_m, distance2).min(self.lintel(doorway, dy * dy / distance2))
+        let distance2 = self.distance2(body);
+        let dy = body.centre[1] - self.point[1];
+        0.5 * (to - from) * share(body.height_m, distance2).min(self.lintel(doorway, dy * dy / distance2))
+    }
+
+    /// The visible part of a body's outline, as azimuths; the second is not larger than the first if nothing is seen.
+    pub(crate) fn outline(&self, body: &Body) -> [f64; 2] {
+        let (dx, dy) = (body.centre[0] - self.point[0], body.centre[1] - self.point[1]);
+        let half = (body.radius_m / dx.hypot(dy)).min(1.0).asin();
+        let middle = dx.atan2(dy);
+        [(middle - half).max(self.first), (middle + half).min(self.last)]
+    }
+
+    /// Squared distance of a body's axis on the floor plan, in m².
+    pub(crate) fn distance2(&self, body: &Body) -> f64 {
+        (body.centre[0] - self.point[0]).powi(2) + (body.centre[1] - self.point[1]).powi(2)
+    }
+
+    /// The range of azimuths in which the hidden room is seen; empty if the second is not larger than the first.
+    pub(crate) fn azimuths(&self) -> [f64; 2] {
+        [self.first, self.last]
+    }
+
+    pub(crate) fn point(&self) -> Point {
+        self.point
     }
 
     /// Light from walls of height `height_m`, one value per mode. In mode k, the walls' radiance is cos(k (a + π/2)) at
@@ -77,13 +97,13 @@ impl FloorView {
     }
 
     /// H² / (ρ² + H²) of the lintel at the hidden face; `cosine2` is the squared cosine of the azimuth.
-    fn lintel(&self, doorway: &Doorway, cosine2: f64) -> f64 {
+    pub(crate) fn lintel(&self, doorway: &Doorway, cosine2: f64) -> f64 {
         doorway.height_m.map_or(1.0, |height| share(height, self.point[1] * self.point[1] / cosine2))
     }
 }
 
 /// H² / (ρ² + H²), from ρ².
-fn share(height: f64, distance2: f64) -> f64 {
+pub(crate) fn share(height: f64, distance2: f64) -> f64 {
     height * height / (distance2 + height * height)
 }
 

@@ -9,6 +9,7 @@ mod visibility;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
+pub(crate) use body::share;
 pub use body::{Body, FloorView};
 pub use edge_foot::edge_foot_mask;
 pub use kernel::Kernel;

@@ -17,8 +17,6 @@ const NEAREST: f64 = -1.386_294_361_119_890_6;
 const RANGE_STEP: f64 = 0.07;
 /// Step of the azimuth: 2.5 degrees.
 const AZIMUTH_STEP: f64 = std::f64::consts::PI / (AZIMUTHS - 1) as f64;
-/// Step of the log of the radius, for the finite difference by which a body's derivative by its radius is computed.
-const RADIUS_STEP: f64 = 0.1;
 /// Most pixels of a fan's cell that one floor point stands for.
 const GROUP: usize = 4;
 
@@ -32,7 +30,15 @@ pub struct BodyTable {
     pub(super) by_radius: [Columns; 2],
 }
 
+/// Columns with their weights for the value and for its derivatives by azimuth and log range.
+pub(super) type Stencil = [(usize, [f32; 3]); 16];
+
 impl BodyTable {
+    /// Number of places.
+    pub(super) const PLACES: usize = AZIMUTHS * RANGES;
+    /// Step of the log of the radius, for the finite difference by which a derivative by the radius is computed.
+    pub(super) const RADIUS_STEP: f64 = 0.1;
+
     /// Computes the table for a body's radius and height, in metres. Places are evaluated in parallel.
     pub fn new(doorway: &Doorway, patch: &PatchGrid, fans: &FanPair, radius_m: f64, height_m: f64) -> Self {
         let columns = |radius_m: f64, s: usize| {
@@ -41,7 +47,7 @@ impl BodyTable {
             let cells: Vec<Vec<(FloorView, f64)>> = (fan.groups(&patch.points(doorway, side), GROUP).into_iter())
                 .map(|cell| cell.into_iter().map(|(point, n)| (FloorView::new(doorway, point), n)).collect())
                 .collect();
-            let mut columns = DMatrix::<f32>::zeros(cells.len(), AZIMUTHS * RANGES);
+            let mut columns = DMatrix::<f32>::zeros(cells.len(), Self::PLACES);
             columns.as_mut_slice().par_chunks_mut(cells.len().max(1)).enumerate().for_each(|(node, column)| {
                 let body = Body { centre: Self::place(node).point(), radius_m, height_m };
                 for ((value, cell), &n) in column.iter_mut().zip(&cells).zip(fan.counts()) {
@@ -53,8 +59,8 @@ impl BodyTable {
         };
         let table = [0, 1].map(|s| columns(radius_m, s));
         let by_radius = [0, 1].map(|s| {
-            let wider = columns(radius_m * RADIUS_STEP.exp(), s);
-            Columns::new(&((wider - &table[s]) / RADIUS_STEP as f32))
+            let wider = columns(radius_m * Self::RADIUS_STEP.exp(), s);
+            Columns::new(&((wider - &table[s]) / Self::RADIUS_STEP as f32))
         });
         Self { columns: table.each_ref().map(Columns::new), by_radius }
     }
@@ -80,7 +86,7 @@ impl BodyTable {
 
     /// The 16 columns around a place, as indices, with their weights for the value and for its derivatives by azimuth
     /// and log range.
-    pub(super) fn stencil(at: Place) -> [(usize, [f32; 3]); 16] {
+    pub(super) fn stencil(at: Place) -> Stencil {
         let at = Self::clamp(at);
         let (column, across) = cubic((at.azimuth + std::f64::consts::FRAC_PI_2) / AZIMUTH_STEP);
         let (row, along) = cubic((at.log_range - NEAREST) / RANGE_STEP);

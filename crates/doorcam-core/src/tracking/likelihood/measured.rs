@@ -1,10 +1,12 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::BodyTable;
+use super::hidden_light::HiddenLight;
 use super::place::Place;
 use super::whitened::Whitened;
 use crate::geometry::{Doorway, Room, Side};
 use crate::light::{FanPair, PatchPair};
+use crate::still_room::StillRoom;
 use crate::transport::{FloorView, PatchGrid};
 
 /// Number of modes for smooth changes of the walls' light: half waves from wall to wall, and a constant.
@@ -43,6 +45,10 @@ pub struct LikelihoodSpec<'a> {
     pub empty: &'a [&'a PatchPair],
     /// Mean light of the empty room on the floor, relative to full scale.
     pub level: f64,
+    /// What the room looks like while nobody is in it, if that is known.
+    pub still: Option<&'a StillRoom>,
+    /// Radius and height of a person, in metres, as in the table.
+    pub body: [f64; 2],
 }
 
 /// Whitens differences (to numbers with independent noise of unit variance), and bodies likewise.
@@ -54,6 +60,8 @@ pub struct Likelihood {
     pub(super) bodies: Whitened,
     /// Light level of the empty room, the scale of radiances.
     pub(super) level: f64,
+    /// Whether it is known what people hide of bright things in the room.
+    pub(super) bright: bool,
     walls: Room,
 }
 
@@ -99,8 +107,13 @@ impl Likelihood {
         let white = [whitening(spec, 0)?, whitening(spec, 1)?];
         let excess = excess(spec, &white).unwrap_or(COLOURED).max(1.0);
         let whiten = white.map(|matrix| (matrix / excess.sqrt()).map(|v| v as f32));
-        let bodies = Whitened::new(spec.table, &whiten);
-        Some(Self { fans: spec.fans.clone(), whiten, bodies, level: spec.level, walls: *spec.room })
+        let [radius_m, height_m] = spec.body;
+        let still = spec.still.filter(|still| still.is_bright());
+        let hidden =
+            still.map(|still| HiddenLight::new(spec.doorway, spec.patch, spec.fans, still, radius_m, height_m));
+        let bodies = Whitened::new(spec.table, hidden.as_ref(), &whiten);
+        let bright = still.is_some();
+        Some(Self { fans: spec.fans.clone(), whiten, bodies, level: spec.level, bright, walls: *spec.room })
     }
 
     /// The nearest place at the same azimuth that is inside the room, with a tolerance for its walls.

@@ -6,7 +6,11 @@
 //! places and radii are linear with Gaussian priors, and are integrated out.
 
 mod body_table;
+#[cfg(test)]
+mod bright_room_tests;
 mod columns;
+mod hidden_light;
+mod linear;
 mod measured;
 mod place;
 mod refine;

@@ -1,23 +1,29 @@
-use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector, Vector2};
+use nalgebra::{Cholesky, Matrix2, SMatrix, SVector, Vector2};
 
 use super::body_table::BodyTable;
+use super::linear::{Factor, R};
 use super::place::Place;
 use super::{Likelihood, MOST_PEOPLE, Measured};
 use crate::scene::Rgb;
 
-/// Radiances per colour: one at each edge (left, right) per person.
-const R: usize = 2 * MOST_PEOPLE;
 /// Unknowns of a body: azimuth, log range, log radius.
 const SHAPE: usize = 3;
 const P: usize = SHAPE * MOST_PEOPLE;
-/// Columns per person: the body and its derivatives.
-const EACH: usize = 1 + SHAPE;
+/// A light and its derivatives by these.
+const WITH_SHAPE: usize = 1 + SHAPE;
+/// Columns per person: the body's own light, and what it hides.
+const EACH: usize = 2 * WITH_SHAPE;
+/// The first column of what a body hides.
+const HIDDEN: usize = WITH_SHAPE;
 const COLUMNS: usize = EACH * MOST_PEOPLE;
 /// Prior standard deviation of the part of a person's radiance that both edges share, in units of the empty room's
 /// level.
 const RADIANCE: f64 = 3.0;
 /// Prior standard deviation of the part that is independent at each edge, in the same units.
 const BETWEEN_EDGES: f64 = 0.5;
+/// Prior standard deviation of the strength of what a person hides, which is 1 if the still room is as it seems. Lamps
+/// may be above people's heads, and bodies have legs.
+const HIDDEN_SD: f64 = 0.7;
 /// Most steps of a refinement.
 const STEPS: usize = 5;
 /// Largest step in azimuth (radians), in the log of the distance and in the log of the radius.
@@ -30,7 +36,6 @@ const SHORTEST: f64 = 1e-3;
 /// Refinement stops after a step that gains less than this, in twice the log likelihood.
 const LEAST_GAIN: f64 = 0.02;
 
-type Radiances = SMatrix<f64, R, R>;
 type Shapes = SMatrix<f64, P, P>;
 
 /// Where somebody is expected: a place and the inverse of its covariance.
@@ -96,35 +101,71 @@ impl Left {
 /// Workspace for refining people in a frame.
 #[derive(Debug, Clone)]
 pub(super) struct Refiner {
-    /// Per side and person: the effect of the body on the measurement, and its derivatives.
-    bodies: [Vec<[Vec<f32>; EACH]>; 2],
-    /// Per side, the inner products of all of these with each other.
-    products: [SMatrix<f64, COLUMNS, COLUMNS>; 2],
+    /// Per side and person: the effect of the body's own light on the measurement, and its derivatives.
+    own: [Vec<[Vec<f32>; WITH_SHAPE]>; 2],
+    /// The same per colour for what it hides.
+    hidden: [[Vec<[Vec<f32>; WITH_SHAPE]>; 3]; 2],
+    /// Per side and colour, the inner products of all of these with each other.
+    products: Box<[[SMatrix<f64, COLUMNS, COLUMNS>; 3]; 2]>,
     /// Per side, their inner products with each colour of the measurement.
     measured: [SMatrix<f64, COLUMNS, 3>; 2],
 }
 
-/// The best radiances for given places and radii.
+/// A linear unknown.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Unknown {
+    side: usize,
+    person: usize,
+    /// The column that it multiplies: the person's own light, or what they hide.
+    column: usize,
+}
+
+/// The best linear unknowns of a colour for given places and radii.
+#[derive(Debug, Clone, Copy)]
+struct Linear {
+    unknowns: [Unknown; R],
+    count: usize,
+    factor: Factor,
+    values: [f64; R],
+    /// What the people change in the misfit.
+    explained: f64,
+    /// Log of the volume of the posterior relative to the prior.
+    volume: f64,
+    /// Number of radiances among the unknowns.
+    radiances: usize,
+}
+
+/// The best linear unknowns for given places and radii.
 struct Fit {
-    /// Cholesky factor of their inverse covariance.
-    radiances: Cholesky<f64, Const<R>>,
-    /// Per colour: at the left edge for each person, then at the right edge.
-    radiance: [SVector<f64, R>; 3],
-    /// Prior variances of the radiances: the part shared by both edges, and the part independent at each.
-    prior: (f64, f64),
-    /// Residual of the measurement, with the penalty of the priors on radiances.
+    colours: [Linear; 3],
+    /// Residual of the measurement, with the penalty of the priors on linear unknowns.
     misfit: f64,
     /// Penalty of the priors on places and radii.
     surprise: f64,
+}
+
+/// Who is included in a fit, per side.
+type Present = [[bool; MOST_PEOPLE]; 2];
+
+impl Linear {
+    fn of(&self, side: usize, person: usize, column: usize) -> f64 {
+        let wanted = Unknown { side, person, column: EACH * person + column };
+        self.unknowns[..self.count].iter().position(|&u| u == wanted).map_or(0.0, |k| self.values[k])
+    }
 }
 
 impl Refiner {
     pub fn new(likelihood: &Likelihood) -> Self {
         let bodies = |s: usize| {
             let zeros = || vec![0.0; likelihood.bodies.values(s)];
-            (0..MOST_PEOPLE).map(|_| std::array::from_fn(|_| zeros())).collect()
+            (0..MOST_PEOPLE).map(|_| std::array::from_fn(|_| zeros())).collect::<Vec<_>>()
         };
-        Self { bodies: [bodies(0), bodies(1)], products: [SMatrix::zeros(); 2], measured: [SMatrix::zeros(); 2] }
+        Self {
+            own: [bodies(0), bodies(1)],
+            hidden: [0, 1].map(|s| [0, 1, 2].map(|_| bodies(s))),
+            products: Box::new([[SMatrix::zeros(); 3]; 2]),
+            measured: [SMatrix::zeros(); 2],
+        }
     }
 
     /// Moves all people at once to where they explain a measurement best: Gauss-Newton steps on places and radii, with
@@ -172,62 +213,117 @@ impl Refiner {
             }
         }
         let noise = (fit.misfit / frame.count).max(1.0);
-        self.describe(&fit, people, noise);
+        self.describe(likelihood, &fit, people, noise);
         Left { misfit: fit.misfit, surprise: fit.surprise }
     }
 
     fn fit(&mut self, likelihood: &Likelihood, frame: &Measured, people: &[Candidate]) -> Fit {
-        let count = people.len();
-        for s in 0..2 {
-            for (person, [value, by_azimuth, by_range, by_radius]) in people.iter().zip(&mut self.bodies[s]) {
-                let out = [value, by_azimuth, by_range, by_radius].map(Vec::as_mut_slice);
-                likelihood.bodies.body(s, person.place, person.widening, out);
-            }
-            let columns = |k: usize| self.bodies[s][k / EACH][k % EACH].as_slice();
-            for i in 0..EACH * count {
-                for j in 0..=i {
-                    let product = frame.trust[s] * dot(columns(i), columns(j));
-                    self.products[s][(i, j)] = product;
-                    self.products[s][(j, i)] = product;
-                }
-                for c in 0..3 {
-                    self.measured[s][(i, c)] = frame.trust[s] * dot(columns(i), frame.values[s][c].as_slice());
-                }
-            }
-        }
-        // Unused unknowns get an identity block.
-        let mut information = Radiances::identity();
-        let (together, apart) = ((RADIANCE * likelihood.level).powi(2), (BETWEEN_EDGES * likelihood.level).powi(2));
-        // The inverse of [[v + d, v], [v, v + d]].
-        let of_one = (together + apart) / (apart * (2.0 * together + apart));
-        let of_both = -together / (apart * (2.0 * together + apart));
-        for s in 0..2 {
-            for i in 0..count {
-                for j in 0..count {
-                    information[(s * count + i, s * count + j)] = self.products[s][(EACH * i, EACH * j)];
-                }
-                information[(s * count + i, s * count + i)] += of_one;
-                information[(s * count + i, (1 - s) * count + i)] = of_both;
-            }
-        }
-        // A Gram matrix plus a prior is positive definite; the scaled identity is a fallback against rounding.
-        let radiances = Cholesky::new(information).or_else(|| Cholesky::new(Radiances::identity() * 1e12));
-        let radiances = radiances.unwrap_or_else(|| Cholesky::pack_dirty(Radiances::identity()));
-        let mut misfit = frame.energy;
-        let radiance = [0, 1, 2].map(|c| {
-            let mut right = SVector::zeros();
-            for s in 0..2 {
-                (0..count).for_each(|k| right[s * count + k] = self.measured[s][(EACH * k, c)]);
-            }
-            let solved = radiances.solve(&right);
-            misfit -= right.dot(&solved);
-            solved
-        });
+        self.place(likelihood, frame, people);
+        let present = [0, 1].map(|_| std::array::from_fn(|k| k < people.len()));
+        let colours = [0, 1, 2].map(|c| self.linear(likelihood, c, people.len(), &present));
+        let misfit = frame.energy - colours.iter().map(|linear| linear.explained).sum::<f64>();
         let surprise =
             people.iter().filter_map(|p| p.prior.map(|prior| (p.place.minus(prior.place), prior.information)));
         let surprise: f64 = surprise.map(|(away, information)| away.dot(&(information * away))).sum();
         let surprise = surprise + people.iter().map(|p| (p.widening / RADIUS_SPREAD).powi(2)).sum::<f64>();
-        Fit { radiances, radiance, prior: (together, apart), misfit, surprise }
+        Fit { colours, misfit, surprise }
+    }
+
+    /// Computes the effects of people at their places, and all inner products.
+    fn place(&mut self, likelihood: &Likelihood, frame: &Measured, people: &[Candidate]) {
+        let count = people.len();
+        let bodies = &likelihood.bodies;
+        let colours = if bodies.knows_hidden() { 3 } else { 0 };
+        for s in 0..2 {
+            let trust = frame.trust[s];
+            for (k, person) in people.iter().enumerate() {
+                let at = BodyTable::stencil(person.place);
+                bodies.body(s, &at, person.widening, self.own[s][k].each_mut().map(Vec::as_mut_slice));
+                for c in 0..colours {
+                    let out = self.hidden[s][c][k].each_mut().map(Vec::as_mut_slice);
+                    bodies.hidden(s, c, &at, person.widening, out);
+                }
+            }
+            for c in 0..3 {
+                let (own, hidden) = (&self.own[s], &self.hidden[s][c]);
+                let column = |n: usize| match n % EACH {
+                    k if k < HIDDEN => own[n / EACH][k].as_slice(),
+                    k => hidden[n / EACH][k - HIDDEN].as_slice(),
+                };
+                let values = frame.values[s][c].as_slice();
+                for i in (0..EACH * count).filter(|i| colours > 0 || i % EACH < HIDDEN) {
+                    for j in (0..=i).filter(|j| colours > 0 || j % EACH < HIDDEN) {
+                        let shared = c > 0 && i % EACH < HIDDEN && j % EACH < HIDDEN;
+                        let product = match shared {
+                            true => self.products[s][0][(i, j)],
+                            false => trust * dot(column(i), column(j)),
+                        };
+                        self.products[s][c][(i, j)] = product;
+                        self.products[s][c][(j, i)] = product;
+                    }
+                    self.measured[s][(i, c)] = trust * dot(column(i), values);
+                }
+            }
+        }
+    }
+
+    /// The best linear unknowns of a colour, with only the people who are `present`.
+    fn linear(&self, likelihood: &Likelihood, c: usize, people: usize, present: &Present) -> Linear {
+        let (together, apart) = ((RADIANCE * likelihood.level).powi(2), (BETWEEN_EDGES * likelihood.level).powi(2));
+        let known = likelihood.bodies.knows_hidden();
+        let mut unknowns = [Unknown::default(); R];
+        let mut count = 0;
+        let mut radiances = 0;
+        let columns = if known { 2 } else { 1 };
+        for kind in 0..columns {
+            for side in 0..2 {
+                for person in (0..people).filter(|&person| present[side][person]) {
+                    unknowns[count] = Unknown { side, person, column: EACH * person + kind * HIDDEN };
+                    count += 1;
+                    radiances += usize::from(kind == 0);
+                }
+            }
+        }
+        let mut information = SMatrix::<f64, R, R>::zeros();
+        let mut right = [0.0; R];
+        // Log of the determinant of the prior's information.
+        let mut prior = 0.0;
+        let mut explained = 0.0;
+        for (i, a) in unknowns[..count].iter().enumerate() {
+            let products = &self.products[a.side][c];
+            right[i] = self.measured[a.side][(a.column, c)];
+            if known {
+                for k in (0..people).filter(|&k| present[a.side][k]) {
+                    right[i] -= products[(a.column, EACH * k + HIDDEN)];
+                }
+            }
+            for (j, b) in unknowns[..=i].iter().enumerate() {
+                if a.side == b.side {
+                    information[(i, j)] = products[(a.column, b.column)];
+                }
+            }
+            if i >= radiances {
+                information[(i, i)] += HIDDEN_SD.powi(-2);
+                prior += HIDDEN_SD.powi(-2).ln();
+                // The change of the energy when what they hide is taken out, once from each side of the product.
+                explained += self.measured[a.side][(a.column, c)] + right[i];
+            } else {
+                // The inverse of [[v + d, v], [v, v + d]]; at an edge where somebody is not present, their radiance is 0.
+                let determinant = apart * (2.0 * together + apart);
+                information[(i, i)] += (together + apart) / determinant;
+                prior -= 0.5 * determinant.ln();
+                let other = Unknown { side: 1 - a.side, ..*a };
+                if let Some(j) = unknowns[..i].iter().position(|&u| u == other) {
+                    information[(i, j)] -= together / determinant;
+                }
+            }
+        }
+        let factor = Factor::new(information, count);
+        let mut values = right;
+        factor.solve(&mut values);
+        explained += (0..count).map(|k| right[k] * values[k]).sum::<f64>();
+        let volume = 0.5 * (prior - factor.log_determinant());
+        Linear { unknowns, count, factor, values, explained, volume, radiances }
     }
 
     /// Hessian and negative gradient of half the objective, by azimuth, log range and log radius of each person.
@@ -236,26 +332,53 @@ impl Refiner {
         let mut hessian = Shapes::identity();
         hessian.view_mut((0, 0), (SHAPE * count, SHAPE * count)).fill(0.0);
         let mut gradient = SVector::zeros();
-        for c in 0..3 {
-            // Mixed derivatives by radiances and shapes.
-            let mut mixed = SMatrix::<f64, R, P>::zeros();
+        for (c, linear) in fit.colours.iter().enumerate() {
+            // Strengths of each person's own light and of what they hide.
+            let mut strengths = [[[0.0; 2]; MOST_PEOPLE]; 2];
+            if linear.count > linear.radiances {
+                strengths.iter_mut().flatten().take(2 * MOST_PEOPLE).for_each(|strength| strength[1] = 1.0);
+            }
+            for (unknown, value) in linear.unknowns[..linear.count].iter().zip(linear.values) {
+                strengths[unknown.side][unknown.person][(unknown.column % EACH) / HIDDEN] += value;
+            }
+            // Mixed derivatives by linear unknowns and shapes, one column for each shape.
+            let mut mixed = [[0.0; R]; P];
             for s in 0..2 {
-                let radiance = |k: usize| fit.radiance[c][s * count + k];
+                let products = &self.products[s][c];
                 for (k, d) in (0..count).flat_map(|k| (0..SHAPE).map(move |d| (k, d))) {
-                    let (row, p) = (EACH * k + 1 + d, SHAPE * k + d);
-                    let mut left = self.measured[s][(row, c)];
-                    for j in 0..count {
-                        left -= radiance(j) * self.products[s][(row, EACH * j)];
-                        mixed[(s * count + j, p)] = radiance(k) * self.products[s][(row, EACH * j)];
-                        for e in 0..SHAPE {
-                            hessian[(p, SHAPE * j + e)] +=
-                                radiance(k) * radiance(j) * self.products[s][(row, EACH * j + 1 + e)] / noise;
+                    let p = SHAPE * k + d;
+                    let rows = [EACH * k + 1 + d, EACH * k + HIDDEN + 1 + d];
+                    // The derivative of the model is the sum of these columns with these factors.
+                    let factors = strengths[s][k];
+                    for (row, factor) in rows.into_iter().zip(factors).filter(|(_, factor)| *factor != 0.0) {
+                        let mut left = self.measured[s][(row, c)];
+                        for j in 0..count {
+                            for (kind, strength) in strengths[s][j].into_iter().enumerate() {
+                                let of = EACH * j + kind * HIDDEN;
+                                left -= strength * products[(row, of)];
+                                for e in 0..SHAPE {
+                                    hessian[(p, SHAPE * j + e)] +=
+                                        factor * strength * products[(row, of + 1 + e)] / noise;
+                                }
+                            }
+                        }
+                        gradient[p] += factor * left / noise;
+                        for (i, unknown) in linear.unknowns[..linear.count].iter().enumerate() {
+                            if unknown.side == s {
+                                mixed[p][i] += factor * products[(row, unknown.column)];
+                            }
                         }
                     }
-                    gradient[p] += radiance(k) * left / noise;
                 }
             }
-            hessian -= mixed.transpose() * fit.radiances.solve(&mixed) / noise;
+            for p in 0..SHAPE * count {
+                let mut solved = mixed[p];
+                linear.factor.solve(&mut solved);
+                for (q, other) in mixed[..SHAPE * count].iter().enumerate() {
+                    let product: f64 = (0..linear.count).map(|i| solved[i] * other[i]).sum();
+                    hessian[(p, q)] -= product / noise;
+                }
+            }
         }
         for (k, person) in people.iter().enumerate() {
             let radius = SHAPE * k + 2;
@@ -273,31 +396,44 @@ impl Refiner {
     }
 
     /// Fills in the results for each person at the best fit.
-    fn describe(&self, fit: &Fit, people: &mut [Candidate], noise: f64) {
+    fn describe(&self, likelihood: &Likelihood, fit: &Fit, people: &mut [Candidate], noise: f64) {
         let count = people.len();
-        let covariance = fit.radiances.inverse();
-        let (together, apart) = fit.prior;
-        let prior_determinant = apart * (2.0 * together + apart);
         let (hessian, _) = self.normal_equations(fit, people, noise);
         let places = (hessian + Shapes::identity() * 1e-6).try_inverse();
         for (k, person) in people.iter_mut().enumerate() {
-            let both = [k, count + k];
-            person.radiance = both.map(|r| [0, 1, 2].map(|c| fit.radiance[c][r]));
-            let block = Matrix2::from_fn(|i, j| covariance[(both[i], both[j])]);
-            person.significance = block.try_inverse().map_or(0.0, |inverse| {
-                let of = |c: usize| Vector2::from_fn(|i, _| fit.radiance[c][both[i]]);
-                (0..3).map(|c| of(c).dot(&(inverse * of(c)))).sum::<f64>() / noise
-            });
-            let by_edge = |s: usize| person.radiance[s].iter().map(|r| r * r).sum::<f64>() / (noise * block[(s, s)]);
-            person.weaker = by_edge(0).min(by_edge(1));
-            // Volume of the prior relative to the posterior, for three colours: the closer to the door, the smaller the
-            // posterior.
-            person.evidence = person.significance
-                - 3.0 * (prior_determinant / (noise * block).determinant().max(f64::MIN_POSITIVE)).ln();
+            person.radiance = [0, 1].map(|s| [0, 1, 2].map(|c| self.contrast(fit, s, c, k)));
+            let without = |sides: &[usize]| {
+                let mut present: Present = [0, 1].map(|_| std::array::from_fn(|j| j < count));
+                sides.iter().for_each(|&s| present[s][k] = false);
+                let others = [0, 1, 2].map(|c| self.linear(likelihood, c, count, &present));
+                let less = |c: usize| fit.colours[c].explained - others[c].explained;
+                // A radiance's noise is that of the frame, whatever its prior is.
+                let volume = |linear: &Linear| linear.volume + 0.5 * linear.radiances as f64 * noise.ln();
+                let narrower = |c: usize| volume(&fit.colours[c]) - volume(&others[c]);
+                let sum = |of: &dyn Fn(usize) -> f64| (0..3).map(of).sum::<f64>();
+                (sum(&less) / noise, 2.0 * sum(&narrower))
+            };
+            let (significance, volume) = without(&[0, 1]);
+            person.significance = significance;
+            person.weaker = without(&[0]).0.min(without(&[1]).0);
+            // Volume of the posterior relative to the prior: the closer to the door, the smaller it is.
+            person.evidence = significance + volume;
             let all = places.and_then(|p| p.fixed_view::<2, 2>(SHAPE * k, SHAPE * k).into_owned().try_inverse());
             let prior = person.prior.map_or(Matrix2::zeros(), |prior| prior.information);
             person.information = all.map_or(Matrix2::zeros(), |all| all - prior);
         }
+    }
+
+    /// How much brighter somebody is than what they hide: the radiance that alone would have the effect of both.
+    fn contrast(&self, fit: &Fit, s: usize, c: usize, k: usize) -> f64 {
+        let linear = &fit.colours[c];
+        let own = EACH * k;
+        let product = self.products[s][c][(own, own)];
+        let hidden = match linear.count > linear.radiances && product > 0.0 {
+            true => (1.0 + linear.of(s, k, HIDDEN)) * self.products[s][c][(own, own + HIDDEN)] / product,
+            false => 0.0,
+        };
+        linear.of(s, k, 0) + hidden
     }
 }
 

@@ -12,6 +12,9 @@ const NEW: f64 = 32.0;
 /// Least significance of a new person relative to that of each other person. Less may be the other's shadow or
 /// reflected light, which the model does not contain.
 const SHARE: f64 = 0.1;
+/// The same in a room with lamps or windows that the floor sees: there a person's shadow and what is not quite right in
+/// the picture of the room explain more.
+const SHARE_WHEN_BRIGHT: f64 = 0.3;
 /// Least contrast of a person with what is behind, relative to the floor's level. Fainter candidates that still show
 /// are noise near the door.
 const LEAST_CONTRAST: f64 = 0.1;
@@ -27,8 +30,15 @@ const TRIED: usize = 3;
 /// Largest difference in azimuth, in radians, at which a seed may be a person already found, at another distance.
 /// Distance is the least certain coordinate.
 const ALONG: f64 = 0.5;
+/// Before bright things, how much nearer or farther somebody is tried, as the log of the distance, and the mean square of the
+/// residual, in units of the noise variance, from which on this is worth it.
+const NEARER: f64 = 0.3;
+const UNEXPLAINED: f64 = 1.2;
 /// Standard deviation of the body model's error, in radians at each edge.
 const ANGLE_ERROR: f64 = 0.006;
+/// The same in a room with lamps or windows that the floor sees, where legs, arms and the borders of windows are not
+/// quite where the model has them. From simulated rooms.
+const ANGLE_ERROR_WHEN_BRIGHT: f64 = 0.013;
 /// How long that error stays the same, in seconds.
 const ERROR_LASTS_S: f64 = 0.8;
 
@@ -91,15 +101,17 @@ impl Finder {
             self.people.extend(prior(&prediction).map(|prior| Candidate::at(prior.place, Some(prior))));
         }
         let mut left = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
+        left = self.move_along(left);
         left = self.prune(left);
         let tried = if self.frame.shows_both() { TRIED } else { 0 };
         for &seed in seeds.iter().take(tried) {
             left = self.consider(Place::from_point(seed), left);
         }
         let sluggish = (ERROR_LASTS_S / elapsed_s.max(1e-3)).max(1.0);
+        let angle_error = if self.likelihood.bright { ANGLE_ERROR_WHEN_BRIGHT } else { ANGLE_ERROR };
         self.found.clear();
         let Self { found, people, doorway, .. } = self;
-        found.extend(people.iter().filter_map(|person| detection(doorway, person, sluggish)));
+        found.extend(people.iter().filter_map(|person| detection(doorway, person, angle_error, sluggish)));
         found.sort_by(|a, b| b.significance.total_cmp(&a.significance));
         &self.found
     }
@@ -127,7 +139,8 @@ impl Finder {
         let contrast =
             (0..3).map(|c| (0.5 * (person.radiance[0][c] + person.radiance[1][c])).powi(2)).sum::<f64>() / 3.0;
         let least_contrast = strict * LEAST_CONTRAST * self.likelihood.level;
-        let explained = |other: &Candidate| person.significance < strict * SHARE * other.significance;
+        let share = if self.likelihood.bright { SHARE_WHEN_BRIGHT } else { SHARE };
+        let explained = |other: &Candidate| person.significance < strict * share * other.significance;
         let in_wall = {
             let [x, y] = person.place.point();
             y < 0.5 * self.body_radius_m && x.abs() > self.doorway.half_width()
@@ -175,6 +188,11 @@ impl Finder {
         let away = |person: &Candidate| (person.place.azimuth - place.azimuth).abs();
         let nearest = (self.people.iter().enumerate()).min_by(|a, b| away(a.1).total_cmp(&away(b.1)));
         let (k, _) = nearest.filter(|(_, person)| away(person) < ALONG)?;
+        self.move_to(k, place, left)
+    }
+
+    /// Moves a person to a place if they explain more there than where they are now.
+    fn move_to(&mut self, k: usize, place: Place, left: Left) -> Option<Left> {
         self.keep_aside();
         self.people[k] = Candidate::at(place, self.people[k].prior);
         let moved = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
@@ -184,6 +202,24 @@ impl Finder {
         }
         std::mem::swap(&mut self.people, &mut self.trial);
         None
+    }
+
+    /// Before bright things, the measurement may be explained nearly as well at several distances. While much of it is not,
+    /// people are tried nearer and farther.
+    fn move_along(&mut self, mut left: Left) -> Left {
+        if !self.likelihood.bright {
+            return left;
+        }
+        for k in 0..self.people.len() {
+            for by in [-NEARER, NEARER] {
+                if left.misfit < UNEXPLAINED * self.frame.count {
+                    return left;
+                }
+                let Candidate { place, .. } = self.people[k];
+                left = self.move_to(k, Place { log_range: place.log_range + by, ..place }, left).unwrap_or(left);
+            }
+        }
+        left
     }
 
     fn keep_aside(&mut self) {
@@ -216,7 +252,7 @@ fn prior(prediction: &Prediction) -> Option<Prior> {
 
 /// The detection that the frame alone supports: the prior with which the person was found is removed again. The model
 /// error stays the same for `sluggish` frames, so its variance is multiplied by that number.
-fn detection(doorway: &Doorway, person: &Candidate, sluggish: f64) -> Option<Detection> {
+fn detection(doorway: &Doorway, person: &Candidate, angle_error: f64, sluggish: f64) -> Option<Detection> {
     // Keeps the uncertainty to some metres, however little the frame tells.
     let information = person.information + Matrix2::identity() * 0.1;
     let covariance = information.try_inverse().filter(|c| c[(0, 0)] > 0.0 && c.determinant() > 0.0)?;
@@ -224,7 +260,7 @@ fn detection(doorway: &Doorway, person: &Candidate, sluggish: f64) -> Option<Det
     let jacobian = person.place.jacobian();
     let offset = jacobian * covariance * pull;
     let [x, y] = person.place.point();
-    let errors = model_error(doorway, [x, y]) * sluggish;
+    let errors = model_error(doorway, [x, y], angle_error) * sluggish;
     let all = jacobian * covariance * jacobian.transpose() + errors;
     let covariance: Covariance = [[all[(0, 0)], all[(0, 1)]], [all[(0, 1)], all[(1, 1)]]];
     let rgb = [0, 1, 2].map(|c| 0.5 * (person.radiance[0][c] + person.radiance[1][c]));
@@ -232,14 +268,14 @@ fn detection(doorway: &Doorway, person: &Candidate, sluggish: f64) -> Option<Det
     Some(Detection { position, covariance, rgb, significance: person.significance })
 }
 
-/// Covariance of a place, in m², whose angles at the two edges have independent errors of [`ANGLE_ERROR`].
-fn model_error(doorway: &Doorway, [x, y]: Point) -> Matrix2<f64> {
+/// Covariance of a place, in m², whose angles at the two edges have independent errors of `angle_error`.
+fn model_error(doorway: &Doorway, [x, y]: Point, angle_error: f64) -> Matrix2<f64> {
     let half = doorway.half_width();
     // ∂(α1, α2) / ∂(x, y).
     let (r1, r2) = ((x + half).powi(2) + y * y, (half - x).powi(2) + y * y);
     let angles = Matrix2::new(-y / r1, (x + half) / r1, y / r2, (half - x) / r2);
     let places = angles.try_inverse().unwrap_or_else(Matrix2::identity);
-    places * places.transpose() * ANGLE_ERROR.powi(2)
+    places * places.transpose() * angle_error.powi(2)
 }
 
 #[cfg(test)]
@@ -260,7 +296,7 @@ mod tests {
                 let [px, py] = moved(a, b);
                 [(px - x) / h, (py - y) / h]
             });
-            let error = model_error(&door, [x, y]);
+            let error = model_error(&door, [x, y], ANGLE_ERROR);
             for (i, j) in [(0, 0), (0, 1), (1, 1)] {
                 let literal = ANGLE_ERROR.powi(2) * columns.iter().map(|c| c[i] * c[j]).sum::<f64>();
                 prop_assert!((error[(i, j)] - literal).abs() < 1e-3 * error.trace(), "{literal} {error}");

@@ -33,6 +33,8 @@ fn finder() -> Finder {
         patterns: [vec![vec![LEVEL; PATCH.pixels()]], vec![vec![LEVEL; PATCH.pixels()]]],
         empty: &empty.iter().collect::<Vec<_>>(),
         level: LEVEL,
+        still: None,
+        body: [RADIUS_M, HEIGHT_M],
     });
     Finder::new(DOOR, likelihood.unwrap(), RADIUS_M)
 }
