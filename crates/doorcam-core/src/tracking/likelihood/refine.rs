@@ -276,8 +276,8 @@ impl Refiner {
         let mut radiances = 0;
         let columns = if known { 2 } else { 1 };
         for kind in 0..columns {
-            for side in 0..2 {
-                for person in (0..people).filter(|&person| present[side][person]) {
+            for (side, present) in present.iter().enumerate() {
+                for person in (0..people).filter(|&person| present[person]) {
                     unknowns[count] = Unknown { side, person, column: EACH * person + kind * HIDDEN };
                     count += 1;
                     radiances += usize::from(kind == 0);
@@ -343,17 +343,17 @@ impl Refiner {
             }
             // Mixed derivatives by linear unknowns and shapes, one column for each shape.
             let mut mixed = [[0.0; R]; P];
-            for s in 0..2 {
+            for (s, strengths) in strengths.iter().enumerate() {
                 let products = &self.products[s][c];
                 for (k, d) in (0..count).flat_map(|k| (0..SHAPE).map(move |d| (k, d))) {
                     let p = SHAPE * k + d;
                     let rows = [EACH * k + 1 + d, EACH * k + HIDDEN + 1 + d];
                     // The derivative of the model is the sum of these columns with these factors.
-                    let factors = strengths[s][k];
+                    let factors = strengths[k];
                     for (row, factor) in rows.into_iter().zip(factors).filter(|(_, factor)| *factor != 0.0) {
                         let mut left = self.measured[s][(row, c)];
                         for j in 0..count {
-                            for (kind, strength) in strengths[s][j].into_iter().enumerate() {
+                            for (kind, strength) in strengths[j].into_iter().enumerate() {
                                 let of = EACH * j + kind * HIDDEN;
                                 left -= strength * products[(row, of)];
                                 for e in 0..SHAPE {

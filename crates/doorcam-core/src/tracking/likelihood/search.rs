@@ -30,10 +30,6 @@ const TRIED: usize = 3;
 /// Largest difference in azimuth, in radians, at which a seed may be a person already found, at another distance.
 /// Distance is the least certain coordinate.
 const ALONG: f64 = 0.5;
-/// Before bright things, how much nearer or farther somebody is tried, as the log of the distance, and the mean square of the
-/// residual, in units of the noise variance, from which on this is worth it.
-const NEARER: f64 = 0.3;
-const UNEXPLAINED: f64 = 1.2;
 /// Standard deviation of the body model's error, in radians at each edge.
 const ANGLE_ERROR: f64 = 0.006;
 /// The same in a room with lamps or windows that the floor sees, where legs, arms and the borders of windows are not
@@ -101,7 +97,6 @@ impl Finder {
             self.people.extend(prior(&prediction).map(|prior| Candidate::at(prior.place, Some(prior))));
         }
         let mut left = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
-        left = self.move_along(left);
         left = self.prune(left);
         let tried = if self.frame.shows_both() { TRIED } else { 0 };
         for &seed in seeds.iter().take(tried) {
@@ -188,11 +183,6 @@ impl Finder {
         let away = |person: &Candidate| (person.place.azimuth - place.azimuth).abs();
         let nearest = (self.people.iter().enumerate()).min_by(|a, b| away(a.1).total_cmp(&away(b.1)));
         let (k, _) = nearest.filter(|(_, person)| away(person) < ALONG)?;
-        self.move_to(k, place, left)
-    }
-
-    /// Moves a person to a place if they explain more there than where they are now.
-    fn move_to(&mut self, k: usize, place: Place, left: Left) -> Option<Left> {
         self.keep_aside();
         self.people[k] = Candidate::at(place, self.people[k].prior);
         let moved = self.refiner.refine(&self.likelihood, &self.frame, &mut self.people);
@@ -202,24 +192,6 @@ impl Finder {
         }
         std::mem::swap(&mut self.people, &mut self.trial);
         None
-    }
-
-    /// Before bright things, the measurement may be explained nearly as well at several distances. While much of it is not,
-    /// people are tried nearer and farther.
-    fn move_along(&mut self, mut left: Left) -> Left {
-        if !self.likelihood.bright {
-            return left;
-        }
-        for k in 0..self.people.len() {
-            for by in [-NEARER, NEARER] {
-                if left.misfit < UNEXPLAINED * self.frame.count {
-                    return left;
-                }
-                let Candidate { place, .. } = self.people[k];
-                left = self.move_to(k, Place { log_range: place.log_range + by, ..place }, left).unwrap_or(left);
-            }
-        }
-        left
     }
 
     fn keep_aside(&mut self) {
