@@ -10,7 +10,7 @@ use doorcam_core::transport::edge_foot_mask;
 use doorcam_core::transport::{Kernel, PatchGrid, PixelLayout, Transport, TransportSpec};
 
 fn project(c: &mut Criterion) {
-    let doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None };
+    let doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None, leaf: None };
     let Ok(grid) = FacetGrid::new(&doorway, &GridSpec::published()) else { return };
     let patch = PatchGrid { size: 64, fov_m: 0.3, layout: PixelLayout::Cells };
     let spec = TransportSpec { kernel: Kernel::Radiometric, facet_height_m: 2.0, patch };

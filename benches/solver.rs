@@ -11,7 +11,7 @@ use doorcam_core::solver::{
 use doorcam_core::transport::edge_foot_mask;
 use doorcam_core::transport::{Kernel, PatchGrid, PixelLayout, Transport, TransportSpec};
 
-const DOORWAY: Doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None };
+const DOORWAY: Doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None, leaf: None };
 const PATCH: PatchGrid = PatchGrid { size: 64, fov_m: 0.15, layout: PixelLayout::EndsIncluded };
 const SPEC: TransportSpec = TransportSpec { kernel: Kernel::Published, facet_height_m: 2.0, patch: PATCH };
 const FRAMES: usize = 24;

@@ -9,7 +9,7 @@ use doorcam_core::transport::edge_foot_mask;
 use doorcam_core::transport::{Kernel, PatchGrid, PixelLayout, Transport, TransportSpec};
 
 fn transport(c: &mut Criterion) {
-    let doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None };
+    let doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None, leaf: None };
     let Ok(grid) = FacetGrid::new(&doorway, &GridSpec::published()) else { return };
     let mut group = c.benchmark_group("transport");
     group.sample_size(10);

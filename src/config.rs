@@ -9,6 +9,7 @@ mod crossings;
 mod history;
 mod into_settings;
 mod publish;
+mod room;
 mod tls;
 mod tracking;
 
@@ -22,6 +23,7 @@ pub use changes::{Change, Takes};
 pub use crossings::CrossingsConfig;
 pub use history::HistoryConfig;
 pub use publish::{HookUrl, MqttConfig, SiteConfig, WebhookConfig, topic_level};
+pub use room::{DoorwayConfig, RoomConfig};
 use serde::{Deserialize, Serialize};
 pub use tls::TlsConfig;
 pub use tracking::{LONGEST_ZONE_ID, TrackerConfig, check_zones};
@@ -64,8 +66,10 @@ pub struct Config {
     pub history: HistoryConfig,
     /// The camera.
     pub camera: CameraConfig,
-    /// The hidden room that the map covers.
-    pub room: Room,
+    /// The door.
+    pub doorway: DoorwayConfig,
+    /// The hidden room that the map covers, and its lights.
+    pub room: RoomConfig,
     /// The reconstruction grid.
     pub grid: GridConfig,
     /// The floor patches.
@@ -285,7 +289,8 @@ impl Config {
     pub fn with_preset(mut self, preset: Option<Preset>) -> Self {
         if let Some(Preset::Published) = preset {
             let Settings { grid, patch, kernel, facet_height_m, solver, brightness, .. } = Settings::published();
-            self.room = grid.room;
+            let Room { half_width_m, depth_m } = grid.room;
+            self.room = RoomConfig { half_width_m, depth_m, ..self.room };
             self.grid = grid.into();
             self.patch = PatchConfig { exclude: self.patch.exclude, ..patch.into() };
             self.transport = TransportConfig { kernel, facet_height_m };
@@ -310,8 +315,8 @@ impl Config {
         self.history.check()?;
         publish::check(&self.site, &self.mqtt, &self.webhooks)?;
         self.camera.check()?;
-        within("room.half_width_m", self.room.half_width_m, 0.1, 100.0, "metres")?;
-        within("room.depth_m", self.room.depth_m, 0.1, 100.0, "metres")?;
+        self.doorway.check()?;
+        self.room.check()?;
         within("grid.angular_step_deg", self.grid.angular_step_deg, 0.5, 20.0, "degrees")?;
         let steps = 180.0 / self.grid.angular_step_deg;
         if (steps - steps.round()).abs() > 1e-6 {

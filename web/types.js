@@ -10,8 +10,9 @@
 
 /**
  * @typedef {object} Geometry
- * @property {{ width_m: number, wall_thickness_m: number, height_m: number | null }} doorway
- * @property {{ half_width_m: number, depth_m: number }} room
+ * @property {{ width_m: number, wall_thickness_m: number, height_m: number | null, leaf?: Leaf }} doorway
+ * @property {{ half_width_m: number, depth_m: number }} room  what the map covers
+ * @property {{ half_width_m: number, depth_m: number }} [searched]  where people are looked for
  * @property {{ fov_m: number, pixels: number }} patch
  * @property {[Point, Point][]} facets
  * @property {boolean[]} foreground
@@ -20,6 +21,7 @@
  * @property {number} [zones_revision]  goes up with every change of the zones
  */
 
+/** @typedef {{ hinge: "left" | "right", angle_deg: number, width_m: number }} Leaf  the door, open into the room: 0 would be closed, 90 is straight into it */
 /** @typedef {{ id?: string, name: string, polygon_m: Point[] }} Zone  the id is the daemon's: a zone that is sent back with it stays the same */
 /** @typedef {{ origin: "config" | "saved" | "run", zones: (Zone & { people: number, tracks: number[] })[] }} ZonesDocument */
 /** @typedef {{ name: string, people: number, tracks: number[] }} Occupancy  who is in a zone */
@@ -212,7 +214,7 @@
 
 /** @typedef {[number, number]} Pixel  u, v; (0, 0) is the centre of the top left pixel */
 
-/** @typedef {{ width_m: number, wall_thickness_m: number, height_m: number | null }} Doorway */
+/** @typedef {{ width_m: number, wall_thickness_m: number, height_m: number | null, leaf?: Leaf }} Doorway */
 
 /** @typedef {{ k1: number, k2?: number, focal_px?: number | null }} Lens  without a focal length, that is the picture's width */
 /** @typedef {"srgb" | "linear" | { gamma: number } | { curve: number[] }} Transfer */

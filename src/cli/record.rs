@@ -215,7 +215,7 @@ fn camera(arguments: &Arguments, limits: RecordingLimits, interrupted: &AtomicBo
 
 /// A placeholder for a missing calibration. Only its size is written to the recording.
 fn unknown(size: [usize; 2]) -> Calibration {
-    let doorway = Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None };
+    let doorway = Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None, leaf: None };
     Calibration { size, doorway, floor_points: Vec::new(), lens: None, transfer: None }
 }
 

@@ -32,11 +32,12 @@ struct Live {
     adopt: fn(&mut Config, &Config),
 }
 
-const LIVE: [Live; 12] = [
+const LIVE: [Live; 13] = [
     now("zones", |used, next| used.zones.clone_from(&next.zones)),
     now("history.keep_days", |used, next| used.history.keep_days = next.history.keep_days),
     now("history.max_bytes", |used, next| used.history.max_bytes = next.history.max_bytes),
-    learning("room", |used, next| used.room = next.room),
+    learning("doorway", |used, next| used.doorway = next.doorway),
+    learning("room", |used, next| used.room.clone_from(&next.room)),
     learning("grid", |used, next| used.grid.clone_from(&next.grid)),
     learning("patch", |used, next| used.patch.clone_from(&next.patch)),
     learning("averaging", |used, next| used.averaging.clone_from(&next.averaging)),
@@ -90,6 +91,9 @@ fn differing(at: &str, one: &Value, other: &Value, keys: &mut Vec<String>) {
                 let below = if at.is_empty() { key.clone() } else { format!("{at}.{key}") };
                 differing(&below, one, others.get(key).unwrap_or(&Value::Null), keys);
             }
+            // What is left out of one while it has no value.
+            let added = others.keys().filter(|key| !ones.contains_key(*key));
+            keys.extend(added.map(|key| if at.is_empty() { key.clone() } else { format!("{at}.{key}") }));
         }
         _ if one == other => {}
         _ => keys.push(at.into()),

@@ -1,7 +1,9 @@
 //! Converts the configuration to the engine's settings.
 
 use doorcam_core::geometry::GridSpec;
-use doorcam_engine::{AveragingSettings, BackgroundSettings, PatchSettings, Preprocessing, Settings, SolverSettings};
+use doorcam_engine::{
+    AveragingSettings, BackgroundSettings, PatchSettings, Preprocessing, Settings, SolverSettings, searched,
+};
 
 use super::{Config, Preset};
 
@@ -9,14 +11,15 @@ impl Config {
     /// The engine's settings, from the sections on room, floor and people.
     pub fn settings(&self) -> Settings {
         let Self { room, grid, patch, transport, solver, scene, averaging, background, .. } = self;
-        let Self { tracker, zones, crossings, camera, .. } = self;
+        let Self { tracker, zones, crossings, camera, doorway, .. } = self;
+        let mapped = room.mapped();
         Settings {
             preprocessing: match self.preset {
                 Some(Preset::Published) => Preprocessing::Published,
                 None => Preprocessing::Linear,
             },
             grid: GridSpec {
-                room: *room,
+                room: mapped,
                 intervals: (180.0 / grid.angular_step_deg).round() as usize,
                 min_angle: grid.min_angle_deg.to_radians(),
                 edge_clearance_m: grid.edge_clearance_m,
@@ -51,13 +54,15 @@ impl Config {
                 save_s: background.save_s,
                 keep_s: background.keep_s,
             },
-            tracker: tracker.settings(*room),
+            tracker: tracker.settings(searched(mapped)),
             dwelling: tracker.dwelling(),
             zones: zones.clone(),
             crossings: crossings.enabled,
             lens: camera.lens(),
             transfer: camera.transfer.clone(),
             follow_px: camera.follow_px,
+            leaf: doorway.leaf,
+            lights: room.lights.clone(),
         }
     }
 }

@@ -34,6 +34,8 @@ pub(super) struct Geometry {
     doorway: Doorway,
     /// The part of the hidden room that the map covers.
     room: Room,
+    /// The part where people are looked for and followed.
+    searched: Room,
     /// The floor patches.
     patch: PatchReport,
     /// The two ends of each facet on the floor plan. The `index` of an update's facets counts in this list.
@@ -94,6 +96,7 @@ pub(super) async fn geometry(State(shared): State<Shared>, asked: HeaderMap) -> 
         calibration,
         doorway: model.doorway,
         room: model.grid.room,
+        searched: model.searched,
         patch: PatchReport { fov_m: model.patch.fov_m, pixels: model.patch.size },
         facets: model.grid.facets.iter().map(|f| [f.from, f.to]).collect(),
         foreground: model.grid.foreground.clone(),

@@ -16,6 +16,7 @@ mod people;
 mod pictures;
 mod problem;
 mod recording;
+mod room;
 pub(crate) mod secret_file;
 mod signal;
 mod stream;
@@ -214,6 +215,7 @@ fn described() -> OpenApiRouter<Shared> {
     let v1 = OpenApiRouter::new()
         .routes(routes!(api::status))
         .routes(routes!(api::geometry))
+        .routes(routes!(room::room))
         .routes(routes!(api::reconstruction))
         .routes(routes!(api::reconstruction_png))
         .routes(routes!(api::difference_png))

@@ -104,7 +104,7 @@ fn what_changes_rarely_is_not_sent_twice() {
     let daemon = Daemon::start(&format!("replay:{}", dir.path().display()), &[]);
     // From here on nothing changes.
     daemon.wait_for("the end", |s| s["source"]["state"] == "ended");
-    let tagged = ["geometry", "calibration", "config", "zones", "openapi.json", "live.schema.json"];
+    let tagged = ["geometry", "room", "calibration", "config", "zones", "openapi.json", "live.schema.json"];
     let pictures = ["frame.jpg", "difference.png", "reconstruction.png"];
     for path in tagged.iter().chain(&pictures).map(|name| format!("/api/v1/{name}")) {
         let first = ask(&daemon, "GET", &path, &[], Vec::new());

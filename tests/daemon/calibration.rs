@@ -9,7 +9,7 @@ use doorcam_core::optics::{FloorPoint, Transfer};
 use doorcam_source::recording::{Layout, Manifest};
 use serde_json::{Value, json};
 
-const DOORWAY: Doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None };
+const DOORWAY: Doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None, leaf: None };
 
 /// A camera that looks straight down at 400 pixels per metre of floor, with the door line at row 40.
 fn overhead([x, y]: [f64; 2]) -> [f64; 2] {

@@ -39,6 +39,7 @@ mod reference_authors;
 mod reference_iteration;
 mod reload;
 mod replay;
+mod room;
 mod simulate;
 mod uncertainty;
 mod visible;

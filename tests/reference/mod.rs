@@ -78,5 +78,5 @@ pub fn npz_f32(path: &Path, name: &str) -> (Vec<usize>, Vec<f32>) {
 
 /// The published doorway: 20 inches wide, a thin wall.
 pub fn published_doorway() -> Doorway {
-    Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None }
+    Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None, leaf: None }
 }

@@ -1,4 +1,4 @@
-/** @import { Calibration, CameraMoved, Doorway, Lens, Pixel, Point, Transfer } from "../types.js" */
+/** @import { Calibration, CameraMoved, Doorway, Leaf, Lens, Pixel, Point, Transfer } from "../types.js" */
 
 /** @typedef {"left-corner" | "right-corner" | "left-mark" | "right-mark" | "free"} Role */
 
@@ -35,7 +35,7 @@ export class Draft {
   /** @param {[number, number]} size  of the picture */
   constructor(size) {
     this.size = size;
-    /** @type {{ width_m: number | null, wall_thickness_m: number | null, height_m: number | null }} */
+    /** @type {{ width_m: number | null, wall_thickness_m: number | null, height_m: number | null, leaf?: Leaf }} */
     this.door = { width_m: null, wall_thickness_m: null, height_m: null };
     this.distance_m = DISTANCE_M;
     /** @type {Lens | null} */
@@ -67,6 +67,7 @@ export class Draft {
       width_m: this.door.width_m ?? TYPICAL.width_m,
       wall_thickness_m: this.door.wall_thickness_m ?? TYPICAL.wall_thickness_m,
       height_m: this.door.height_m,
+      ...(this.door.leaf ? { leaf: this.door.leaf } : {}),
     };
   }
 

@@ -18,6 +18,7 @@ export function drawRoom(ctx, view, geometry, layer, grid) {
   drawGrid(ctx, view);
   if (grid) drawFacetLines(ctx, view, geometry);
   drawWall(ctx, view, geometry);
+  drawLeaf(ctx, view, geometry);
   drawPatch(ctx, view, geometry, -1, layer !== "right");
   drawPatch(ctx, view, geometry, +1, layer !== "left");
   drawCaptions(ctx, view, geometry);
@@ -124,6 +125,25 @@ function drawWall(ctx, view, { doorway }) {
   ctx.fillStyle = INK.wall;
   ctx.fillRect(view.left, view.y(0), left - view.left, thickness);
   ctx.fillRect(right, view.y(0), view.width - right, thickness);
+}
+
+/**
+ * The door, where it stands open into the room.
+ * @param {CanvasRenderingContext2D} ctx
+ * @param {Viewport} view
+ * @param {Geometry} geometry
+ */
+function drawLeaf(ctx, view, { doorway: { width_m, leaf } }) {
+  if (!leaf) return;
+  const side = leaf.hinge === "left" ? -1 : 1;
+  const angle = (leaf.angle_deg * Math.PI) / 180;
+  const hinge = (side * width_m) / 2;
+  ctx.strokeStyle = INK.wall;
+  ctx.lineWidth = 3;
+  ctx.beginPath();
+  ctx.moveTo(view.x(hinge), view.y(0));
+  ctx.lineTo(view.x(hinge - side * leaf.width_m * Math.cos(angle)), view.y(leaf.width_m * Math.sin(angle)));
+  ctx.stroke();
 }
 
 /**

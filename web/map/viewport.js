@@ -7,13 +7,13 @@ const AXIS_BOTTOM_PX = 40;
 const EDGE_PX = 12;
 
 /**
- * What must be in sight: the room, every facet, and on this side both patches with some floor.
+ * What must be in sight: the room, wherever people are looked for, every facet, and on this side both patches with some floor.
  * @param {Geometry} geometry
  * @returns {Bounds}
  */
-export function boundsOf({ doorway, room, patch, facets }) {
-  let halfWidth = Math.max(room.half_width_m, doorway.width_m / 2 + patch.fov_m);
-  let depth = room.depth_m;
+export function boundsOf({ doorway, room, searched = room, patch, facets }) {
+  let halfWidth = Math.max(room.half_width_m, searched.half_width_m, doorway.width_m / 2 + patch.fov_m);
+  let depth = Math.max(room.depth_m, searched.depth_m);
   for (const [x, y] of facets.flat()) {
     halfWidth = Math.max(halfWidth, Math.abs(x));
     depth = Math.max(depth, y);

@@ -54,7 +54,7 @@
 //! use doorcam_core::transport::{Kernel, PatchGrid, PixelLayout, Transport, TransportSpec, edge_foot_mask};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None };
+//! let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None, leaf: None };
 //! let grid = FacetGrid::new(&doorway, &GridSpec::published())?;
 //! let patch = PatchGrid { size: 32, fov_m: 0.3, layout: PixelLayout::Cells };
 //! let spec = TransportSpec { kernel: Kernel::Radiometric, facet_height_m: 2.0, patch };

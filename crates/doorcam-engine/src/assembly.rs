@@ -157,10 +157,11 @@ impl Assembly {
         check
     }
 
-    /// The calibration, with the settings' lens and transfer function where it has none of its own.
+    /// The calibration, with the settings' lens, transfer function and door leaf where it has none of its own.
     pub fn complete(&self, calibration: &Calibration) -> Calibration {
         let mut complete = calibration.clone();
         complete.lens = complete.lens.or(self.settings.lens);
+        complete.doorway.leaf = complete.doorway.leaf.or(self.settings.leaf);
         complete.transfer = complete.transfer.or_else(|| Some(self.settings.transfer.clone()));
         complete
     }
@@ -174,7 +175,9 @@ impl Assembly {
         let reader = FrameReader::for_recording(&self.settings, manifest)?;
         let calibration = manifest.calibration();
         let words = format!("{calibration:?}");
-        self.build(View { reader, doorway: manifest.doorway, words, calibration })
+        let leaf = manifest.doorway.leaf.or(self.settings.leaf);
+        let doorway = Doorway { leaf, ..manifest.doorway };
+        self.build(View { reader, doorway, words, calibration })
     }
 
     /// Builds an engine for a calibrated camera. Takes a few tenths of a second.

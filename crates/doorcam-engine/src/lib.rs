@@ -114,7 +114,9 @@ pub use problem::Problem;
 pub use published_iteration::PublishedIteration;
 pub use reader::{FrameReader, ReadTimes};
 pub use reconstructor::{Reconstruction, Reconstructor};
-pub use settings::{AveragingSettings, BackgroundSettings, PatchSettings, Preprocessing, Settings, SolverSettings};
+pub use settings::{
+    AveragingSettings, BackgroundSettings, PatchSettings, Preprocessing, Settings, SolverSettings, searched,
+};
 pub use update::{
     BackgroundReport, FacetReport, PatchView, Published, SolutionReport, State, Timing, Update, ViewReport, ViewState,
     Watched,

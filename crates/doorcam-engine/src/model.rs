@@ -2,13 +2,13 @@ use std::f64::consts::PI;
 use std::sync::OnceLock;
 
 use crate::{Preprocessing, Settings};
-use doorcam_core::geometry::{Doorway, FacetGrid, GeometryError, Point, Side};
+use doorcam_core::geometry::{Doorway, FacetGrid, GeometryError, Point, Room, RoomLight, Side};
 use doorcam_core::light::FanPair;
 use doorcam_core::scene::{Brightness, Neighbourhood};
 use doorcam_core::solver::{Lambda, Limits, ModelKind};
 use doorcam_core::tracking::likelihood::BodyTable;
 use doorcam_core::transport::edge_foot_mask;
-use doorcam_core::transport::{PatchGrid, PixelLayout, Transport, TransportSpec};
+use doorcam_core::transport::{PastLeaf, PatchGrid, PixelLayout, Transport, TransportSpec};
 
 /// Why a configuration and a doorway do not make a valid model.
 #[derive(Debug, thiserror::Error)]
@@ -85,6 +85,12 @@ pub struct Model {
     pub fans: FanPair,
     /// A person's radius, in metres.
     pub body_radius_m: f64,
+    /// Where people are looked for.
+    pub searched: Room,
+    /// How far outside it people may also be, in metres.
+    pub margin_m: f64,
+    /// Bright things of the room that are known.
+    pub lights: Vec<RoomLight>,
     bodies: OnceLock<BodyTable>,
     /// t of eq. 15, relative to the largest |c|.
     pub unified_threshold: f64,
@@ -118,11 +124,16 @@ impl Model {
     ) -> Result<Self, SetupError> {
         let (grid, counted) = Self::layout(settings, &doorway, &patch, seen)?;
         let spec = TransportSpec { kernel: settings.kernel, facet_height_m: settings.facet_height_m, patch };
-        let neighbourhood = Neighbourhood::new(&doorway, &grid, PI / settings.grid.intervals as f64);
+        let past_leaf = PastLeaf::new(&doorway, &patch);
+        let step = PI / settings.grid.intervals as f64;
+        let neighbourhood = Neighbourhood::new(&doorway, &grid, step, past_leaf.as_ref());
         Ok(Self {
             neighbourhood,
             fans: FanPair::new(&doorway, &patch, &counted),
             body_radius_m: settings.tracker.body_radius_m,
+            searched: settings.tracker.room,
+            margin_m: settings.tracker.margin_m,
+            lights: settings.lights.clone(),
             bodies: OnceLock::new(),
             doorway,
             patch,
@@ -219,7 +230,7 @@ mod tests {
 
     #[test]
     fn too_few_pixels_are_blamed_on_what_takes_them() {
-        let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None };
+        let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None, leaf: None };
         let mut settings = Settings::default();
         settings.patch.pixels = 32;
         let patch = Model::patch_grid(&settings, None);
@@ -244,7 +255,7 @@ mod tests {
 
     #[test]
     fn excluded_floor_does_not_count() {
-        let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None };
+        let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None, leaf: None };
         let mut settings = Settings::default();
         settings.patch.pixels = 32;
         let patch = Model::patch_grid(&settings, None);

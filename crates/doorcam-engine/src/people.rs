@@ -19,7 +19,7 @@ pub struct People {
     before: Vec<Track>,
     /// Where people were in the last [`WALK_S`] seconds, oldest first.
     passed: Vec<Passed>,
-    /// Half the room's width and its depth, in metres.
+    /// Half the width and the depth of what the map covers, in metres.
     walls: [f64; 2],
 }
 
@@ -81,7 +81,7 @@ pub(super) struct PeopleReport {
 impl People {
     /// Starts with nobody present.
     pub fn new(settings: &Settings) -> Self {
-        let room = settings.tracker.room;
+        let room = settings.grid.room;
         Self {
             tracker: Tracker::new(settings.tracker),
             events: Events::new(settings.dwelling, settings.zones.clone()),
@@ -375,7 +375,7 @@ mod tests {
         seen: impl Fn([f64; 2]) -> bool,
         light: impl Fn(f64) -> Option<Point>,
     ) -> Vec<Event> {
-        let doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None };
+        let doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None, leaf: None };
         let mut walkers = Walkers::new(&doorway);
         let mut events = Vec::new();
         for k in 0..22 {

@@ -272,6 +272,7 @@ fn finder(
     let likelihood = Likelihood::new(&LikelihoodSpec {
         doorway: &model.doorway,
         room: &model.grid.room,
+        searched: &model.searched,
         patch: &model.patch,
         fans: &model.fans,
         table: model.bodies(),

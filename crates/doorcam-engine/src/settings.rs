@@ -1,6 +1,6 @@
 //! The settings of an engine: plain values with the program's defaults.
 
-use doorcam_core::geometry::{GridSpec, Point};
+use doorcam_core::geometry::{GridSpec, Leaf, Point, Room, RoomLight};
 use doorcam_core::light::Averaging;
 use doorcam_core::optics::{Lens, Transfer};
 use doorcam_core::scene::Brightness;
@@ -47,6 +47,10 @@ pub struct Settings {
     pub transfer: Transfer,
     /// How far a camera may move, in pixels, for the calibration to follow it; 0 for never.
     pub follow_px: f64,
+    /// The door's leaf, for doorways whose calibration or recording has none.
+    pub leaf: Option<Leaf>,
+    /// Bright things of the room that are known.
+    pub lights: Vec<RoomLight>,
 }
 
 /// How images become light on the patches.
@@ -119,6 +123,15 @@ pub struct BackgroundSettings {
     pub keep_s: f64,
 }
 
+/// How far people are looked for in a room of which nobody has said how large it is.
+const UNKNOWN_ROOM: Room = Room { half_width_m: 2.2, depth_m: 4.2 };
+
+/// The part of the hidden side where people are looked for and followed, from the part that the map covers: the same,
+/// unless that is the default. Then the walls may be farther away.
+pub fn searched(mapped: Room) -> Room {
+    if mapped == Room::default() { UNKNOWN_ROOM } else { mapped }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         let grid = GridSpec::published();
@@ -140,7 +153,7 @@ impl Default for Settings {
             averaging: AveragingSettings { mode: Averaging::None, time_s: 0.5 },
             background: BackgroundSettings::default(),
             tracker: TrackerSettings {
-                room: grid.room,
+                room: searched(grid.room),
                 margin_m: 0.2,
                 body_radius_m: 0.2,
                 confirm_s: 0.4,
@@ -153,6 +166,8 @@ impl Default for Settings {
             lens: None,
             transfer: Transfer::Srgb,
             follow_px: 10.0,
+            leaf: None,
+            lights: Vec::new(),
         }
     }
 }

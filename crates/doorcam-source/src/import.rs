@@ -193,7 +193,7 @@ fn write(scene: &Scene, src: &Path, out: &Path) -> Result<(), ImportError> {
         layout: Layout::Patches,
         transfer: Transfer::Srgb,
         size: Some(size),
-        doorway: Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None },
+        doorway: Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None, leaf: None },
         floor_points: Vec::new(),
         lens: None,
         fov_m: Some(scene.fov_m),

@@ -57,6 +57,7 @@ impl TargetOptions {
                 width_m: self.door.unwrap_or(default.doorway.width_m),
                 wall_thickness_m: self.wall.unwrap_or(default.doorway.wall_thickness_m),
                 height_m: None,
+                leaf: None,
             },
             patch_m: self.patch.unwrap_or(default.patch_m),
             pixels: self.pixels.unwrap_or(default.pixels),

@@ -40,7 +40,7 @@ pub(super) fn write(
     let name = name(&recording.path);
     let svg = evaluation_svg(&EvaluationPicture {
         doorway: &recording.manifest.doorway,
-        room: &config.room,
+        room: &config.room.mapped(),
         people: &people,
         tracks: &tracks,
         crossings: &evaluation.crossings,

@@ -31,7 +31,7 @@ impl PersonSetup {
     /// comes from the visible side, and a pixel's noise is 0.5 % of the floor's level.
     pub const USUAL: PersonSetup = PersonSetup {
         measured: Setup {
-            doorway: Doorway { width_m: 0.85, wall_thickness_m: 0.12, height_m: None },
+            doorway: Doorway { width_m: 0.85, wall_thickness_m: 0.12, height_m: None, leaf: None },
             patch_m: 0.3,
             pixels: 64,
             noise: 0.005,
@@ -99,7 +99,7 @@ impl PersonSetup {
 /// Smallest number of sample points along each side of a patch, however few pixels it has.
 const FINE: usize = 64;
 
-/// The aperture that a strategy's light passes: the doorway, or the part of it that the strategy has.
+/// The aperture that a strategy's light passes: the doorway with its leaf, or the part of it that the strategy has.
 #[derive(Debug, Clone)]
 pub(super) struct Aperture {
     opening: Doorway,
@@ -116,7 +116,7 @@ const STEP_M: f64 = 1e-4;
 
 impl Aperture {
     pub(super) fn new(doorway: &Doorway, strategy: Strategy) -> Self {
-        let wide = Doorway { width_m: WIDE_M, height_m: None, ..*doorway };
+        let wide = Doorway { width_m: WIDE_M, height_m: None, leaf: None, ..*doorway };
         match strategy {
             Strategy::Doorway => Self { opening: *doorway, shift: 0.0 },
             // The left edge stays in place.

@@ -53,7 +53,7 @@ impl Strategy {
 /// patch sees only past its own edge; the other edge would block light only from targets almost in line with the wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setup {
-    /// The doorway. Its lintel does not matter, since the target is on the floor.
+    /// The doorway. Its lintel does not matter, since the target is on the floor; its leaf is left out.
     pub doorway: Doorway,
     /// Side of a patch, in metres.
     pub patch_m: f64,
@@ -94,7 +94,7 @@ impl Setup {
     /// The paper does not state its noise. With this value, its description of the figure holds, and the signal of a
     /// target 1 m away is 2.6 times a pixel's noise.
     pub const PUBLISHED: Setup = Setup {
-        doorway: Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None },
+        doorway: Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None, leaf: None },
         patch_m: 0.2,
         pixels: 125,
         noise: 1e-6,

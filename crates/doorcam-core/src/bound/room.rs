@@ -161,6 +161,7 @@ fn beside_strength(all: &Matrix3<f64>) -> Matrix2<f64> {
 mod tests {
     use super::super::Setup;
     use super::*;
+    use crate::geometry::Leaf;
     use crate::light::PatchPair;
     use crate::transport::PixelLayout;
 
@@ -200,6 +201,26 @@ mod tests {
             assert!((one / planned - 1.0).abs() < 0.05, "{place:?}: {one} {planned}");
             assert!((three * 3.0_f64.sqrt() / one - 1.0).abs() < 1e-6, "{three} {one}");
         }
+    }
+
+    #[test]
+    fn the_leaf_and_the_lintel_take_information_away() {
+        let setup = PersonSetup::USUAL;
+        let open = setup.measured.doorway;
+        let leaf = Some(Leaf { hinge: Side::Left, angle_deg: 98.0, width_m: 0.84 });
+        let error = |doorway: Doorway, place: Point| {
+            let setup = PersonSetup { measured: Setup { doorway, ..setup.measured }, ..setup };
+            let seen = sensing(&setup, [0.3; 3], &patch(&setup));
+            let bound = RoomBound::new(&doorway, &patch(&setup), 0.2, &seen);
+            bound.covariance(place, [0.05; 3]).map_or(f64::INFINITY, |[[xx, _], [_, yy]]| (xx + yy).sqrt())
+        };
+        let with = Doorway { leaf, ..open };
+        let [behind, beside] = [[-0.9, 2.2], [0.9, 2.2]];
+        assert!((error(open, behind) / error(open, beside) - 1.0).abs() < 1e-3, "the room is symmetric");
+        assert!(error(with, behind) > 2.0 * error(open, behind), "{} {}", error(with, behind), error(open, behind));
+        assert!(error(with, beside) < 1.1 * error(open, beside), "{} {}", error(with, beside), error(open, beside));
+        // A lintel that cuts off all but the feet.
+        assert!(error(Doorway { height_m: Some(0.05), ..open }, beside) > 1.2 * error(open, beside));
     }
 
     #[test]

@@ -223,7 +223,7 @@ proptest! {
         let doorway = Doorway { wall_thickness_m: thickness, ..Setup::PUBLISHED.doorway };
         let setup = Setup { doorway, pixels: 9, ..Setup::PUBLISHED };
         let large = Setup {
-            doorway: Doorway { width_m: size, wall_thickness_m: size * thickness, height_m: None },
+            doorway: Doorway { width_m: size, wall_thickness_m: size * thickness, height_m: None, leaf: None },
             patch_m: size * setup.patch_m,
             ..setup
         };
@@ -255,7 +255,7 @@ proptest! {
     fn a_thick_wall_cuts_with_the_face_that_is_in_the_way(
         x in -1.2..1.2f64, y in 0.3..2.0f64, thickness in 0.0..0.25f64, pixels in 1..5usize,
     ) {
-        let doorway = Doorway { width_m: 0.8, wall_thickness_m: thickness, height_m: None };
+        let doorway = Doorway { width_m: 0.8, wall_thickness_m: thickness, height_m: None, leaf: None };
         let setup = Setup { doorway, patch_m: 0.3, pixels, noise: 1.0 };
         let found = patch_light(&setup, Side::Left, true, [x, y]);
         let cell = setup.patch_m / pixels as f64;

@@ -77,7 +77,7 @@ mod tests {
     use crate::geometry::Point;
     use crate::optics::FloorPoint;
 
-    const DOORWAY: Doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.12, height_m: None };
+    const DOORWAY: Doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.12, height_m: None, leaf: None };
     const PATCH: PatchGrid = PatchGrid { size: 64, fov_m: 0.3, layout: PixelLayout::Cells };
     const NOISE_PX: f64 = 0.5;
 

@@ -176,7 +176,7 @@ mod tests {
 
     /// Points marked to about half a pixel.
     fn calibration(points: usize) -> Calibration {
-        let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.12, height_m: None };
+        let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.12, height_m: None, leaf: None };
         let pinhole =
             Pinhole { at: [0.1, -1.3, 1.1], tilt: 0.8, turn: -0.1, roll: 0.05, focal: 480.0, centre: [319.5, 179.5] };
         let floor = [[-0.4, -0.12], [0.4, -0.12], [0.45, -0.5], [-0.4, -0.45], [0.05, -0.5], [-0.1, -0.2]];

@@ -311,7 +311,7 @@ mod tests {
     use crate::optics::Lens;
     use crate::transport::PixelLayout;
 
-    const DOORWAY: Doorway = Doorway { width_m: 0.6, wall_thickness_m: 0.1, height_m: None };
+    const DOORWAY: Doorway = Doorway { width_m: 0.6, wall_thickness_m: 0.1, height_m: None, leaf: None };
 
     fn patch(size: usize) -> PatchGrid {
         PatchGrid { size, fov_m: 0.3, layout: PixelLayout::Cells }

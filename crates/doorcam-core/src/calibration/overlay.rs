@@ -114,7 +114,7 @@ mod tests {
     use crate::optics::{FloorPoint, Lens};
     use crate::transport::PixelLayout;
 
-    const DOORWAY: Doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.12, height_m: None };
+    const DOORWAY: Doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.12, height_m: None, leaf: None };
     const PATCH: PatchGrid = PatchGrid { size: 64, fov_m: 0.3, layout: PixelLayout::Cells };
     const SIZE: [usize; 2] = [640, 360];
 

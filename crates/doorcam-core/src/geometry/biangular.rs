@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     fn doorway(width_m: f64) -> Doorway {
-        Doorway { width_m, wall_thickness_m: 0.0, height_m: None }
+        Doorway { width_m, wall_thickness_m: 0.0, height_m: None, leaf: None }
     }
 
     proptest! {

@@ -2,10 +2,11 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
-use super::{GeometryError, Point};
+use super::{GeometryError, Leaf, Point};
 
 /// One of the two vertical edges of the doorway, left and right for someone on the visible side who faces the door.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
     /// The edge at x = -W/2.
@@ -40,6 +41,9 @@ pub struct Doorway {
     /// Height of the lintel, in metres; none if the opening has no top.
     #[serde(default)]
     pub height_m: Option<f64>,
+    /// The door, if it stands open into the room and is not taken for a part of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub leaf: Option<Leaf>,
 }
 
 impl Doorway {
@@ -57,11 +61,13 @@ impl Doorway {
     ///
     /// # Errors
     ///
-    /// If a dimension is not a number in the range of [`Self::WIDTH_M`], [`Self::THICKNESS_M`] or [`Self::HEIGHT_M`].
+    /// If a dimension is not a number in the range of [`Self::WIDTH_M`], [`Self::THICKNESS_M`] or [`Self::HEIGHT_M`],
+    /// or not one of a [`Leaf`].
     pub fn validate(&self) -> Result<(), GeometryError> {
         length("doorway.width_m", self.width_m, Self::WIDTH_M)?;
         length("doorway.wall_thickness_m", self.wall_thickness_m, Self::THICKNESS_M)?;
-        self.height_m.map_or(Ok(()), |height| length("doorway.height_m", height, Self::HEIGHT_M))
+        self.height_m.map_or(Ok(()), |height| length("doorway.height_m", height, Self::HEIGHT_M))?;
+        self.leaf.map_or(Ok(()), |leaf| leaf.validate())
     }
 
     /// What is possible but unusual, in one line that names the key.
@@ -88,7 +94,7 @@ impl Doorway {
 }
 
 /// Checks a length in metres. A length that would fit in another unit is answered with that unit.
-fn length(key: &'static str, value: f64, range: RangeInclusive<f64>) -> Result<(), GeometryError> {
+pub(super) fn length(key: &'static str, value: f64, range: RangeInclusive<f64>) -> Result<(), GeometryError> {
     if range.contains(&value) {
         return Ok(());
     }
@@ -110,7 +116,7 @@ mod tests {
     use super::*;
 
     fn refused(width_m: f64, wall_thickness_m: f64, height_m: Option<f64>) -> String {
-        Doorway { width_m, wall_thickness_m, height_m }.validate().expect_err("refused").to_string()
+        Doorway { width_m, wall_thickness_m, height_m, leaf: None }.validate().expect_err("refused").to_string()
     }
 
     #[test]
@@ -134,7 +140,7 @@ mod tests {
 
     #[test]
     fn feet_are_doubted_and_metres_are_not() {
-        let doubt = |width_m, height_m| Doorway { width_m, wall_thickness_m: 0.1, height_m }.doubt();
+        let doubt = |width_m, height_m| Doorway { width_m, wall_thickness_m: 0.1, height_m, leaf: None }.doubt();
         assert_eq!(doubt(0.9, Some(2.1)), None);
         assert!(doubt(2.95, None).unwrap().starts_with("doorway.width_m is 2.95, more than the usual 2 metres"));
         assert!(doubt(0.9, Some(6.9)).unwrap().starts_with("doorway.height_m is 6.9"));

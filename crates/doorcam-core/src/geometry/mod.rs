@@ -7,11 +7,15 @@
 mod biangular;
 mod doorway;
 mod grid;
+mod leaf;
+mod room_light;
 
 pub use biangular::Biangular;
 pub(crate) use doorway::unit_hint;
 pub use doorway::{Doorway, Side};
 pub use grid::{Facet, FacetGrid, GridSpec, Room};
+pub use leaf::Leaf;
+pub use room_light::{FoundLight, LightError, LightKind, RoomLight};
 
 /// A point or vector on the floor plan, in metres: `[x, y]` in the door frame.
 pub type Point = [f64; 2];

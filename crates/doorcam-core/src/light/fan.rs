@@ -128,7 +128,7 @@ mod tests {
     use super::*;
     use crate::transport::PixelLayout;
 
-    const DOOR: Doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None };
+    const DOOR: Doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None, leaf: None };
     const PATCH: PatchGrid = PatchGrid { size: 64, fov_m: 0.3, layout: PixelLayout::Cells };
 
     #[test]

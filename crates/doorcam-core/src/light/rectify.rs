@@ -158,7 +158,7 @@ mod tests {
     use crate::optics::Transfer;
     use crate::transport::PixelLayout;
 
-    const DOORWAY: Doorway = Doorway { width_m: 0.6, wall_thickness_m: 0.1, height_m: None };
+    const DOORWAY: Doorway = Doorway { width_m: 0.6, wall_thickness_m: 0.1, height_m: None, leaf: None };
     const PATCH: PatchGrid = PatchGrid { size: 16, fov_m: 0.3, layout: PixelLayout::Cells };
 
     /// A camera that looks straight down: 500 pixels per metre, door line at row 20.

@@ -1,16 +1,18 @@
 use super::Intensity;
 use crate::geometry::{Biangular, Doorway, FacetGrid, Point};
+use crate::transport::PastLeaf;
 
 /// Facets are neighbours if both of their angles differ by less than this many steps of the grid. That takes in the
 /// cells around a facet, corners included, with a margin for the half cells at the walls.
 const NEIGHBOURS: f64 = 1.6;
 
-/// A connected part of the unified map, which shows one change.
+/// A connected part of the unified map, which shows one change. Where the door's leaf hides a facet from one edge, what
+/// the other shows counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blob {
     /// Its centre, in metres in the door frame: the mean of its facets' biangular coordinates, weighted by strength.
     pub position: Point,
-    /// The sum of min(|c_L|, |c_R|) over its facets.
+    /// The sum of min(|c_L|, |c_R|) over its facets, or of that of the only edge that sees a facet past the leaf.
     pub strength: f64,
 }
 
@@ -20,6 +22,8 @@ pub struct Neighbourhood {
     doorway: Doorway,
     angles: Vec<Biangular>,
     neighbours: Vec<Vec<usize>>,
+    /// Per facet, whether the left and the right patch see it past the leaf; empty without a leaf.
+    sees: Vec<[bool; 2]>,
 }
 
 /// Workspace for finding blobs.
@@ -31,8 +35,8 @@ pub struct BlobWorkspace {
 }
 
 impl Neighbourhood {
-    /// The neighbours in a grid with steps of `step` radians.
-    pub fn new(doorway: &Doorway, grid: &FacetGrid, step: f64) -> Self {
+    /// The neighbours in a grid with steps of `step` radians. `leaf` tells what is seen past the door's leaf.
+    pub fn new(doorway: &Doorway, grid: &FacetGrid, step: f64, leaf: Option<&PastLeaf>) -> Self {
         let angles: Vec<Biangular> = grid.facets.iter().map(|f| Biangular::from_point(doorway, f.midpoint())).collect();
         let near = |a: &Biangular, b: &Biangular| {
             (a.alpha1 - b.alpha1).abs().max((a.alpha2 - b.alpha2).abs()) < NEIGHBOURS * step
@@ -40,15 +44,23 @@ impl Neighbourhood {
         let neighbours = (angles.iter().enumerate())
             .map(|(n, a)| (0..angles.len()).filter(|&m| m != n && near(a, &angles[m])).collect())
             .collect();
-        Self { doorway: *doorway, angles, neighbours }
+        let sees = |leaf: &PastLeaf| grid.facets.iter().map(|facet| leaf.sees(facet.midpoint())).collect();
+        Self { doorway: *doorway, angles, neighbours, sees: leaf.map_or_else(Vec::new, sees) }
     }
 
     /// The blobs of a map, strongest first: sets of connected facets that are brighter in both views, or darker in
-    /// both.
+    /// both; behind the leaf, in the view that sees them.
     pub fn blobs<'a>(&self, intensities: &[Intensity], workspace: &'a mut BlobWorkspace) -> &'a [Blob] {
         let BlobWorkspace { strengths, stack, blobs } = workspace;
         strengths.clear();
         strengths.extend(intensities.iter().map(signed_strength));
+        for ((strength, seen), i) in strengths.iter_mut().zip(&self.sees).zip(intensities) {
+            match seen {
+                [true, false] => *strength = i.left,
+                [false, true] => *strength = i.right,
+                _ => {}
+            }
+        }
         blobs.clear();
         for start in 0..strengths.len() {
             let sign = strengths[start].signum();
@@ -84,11 +96,11 @@ mod tests {
     use super::*;
     use crate::geometry::GridSpec;
 
-    const DOOR: Doorway = Doorway { width_m: 0.5, wall_thickness_m: 0.0, height_m: None };
+    const DOOR: Doorway = Doorway { width_m: 0.5, wall_thickness_m: 0.0, height_m: None, leaf: None };
 
     fn grid() -> (FacetGrid, Neighbourhood) {
         let grid = FacetGrid::new(&DOOR, &GridSpec::published()).unwrap();
-        let neighbourhood = Neighbourhood::new(&DOOR, &grid, 4.0_f64.to_radians());
+        let neighbourhood = Neighbourhood::new(&DOOR, &grid, 4.0_f64.to_radians(), None);
         (grid, neighbourhood)
     }
 
@@ -122,6 +134,24 @@ mod tests {
         intensities[middle].left = 1.0;
         intensities[middle].right = 2.0;
         assert_eq!(neighbourhood.blobs(&intensities, &mut workspace).len(), 3);
+    }
+
+    #[test]
+    fn behind_the_leaf_the_edge_that_sees_counts() {
+        let leaf = Some(crate::geometry::Leaf { hinge: crate::geometry::Side::Left, angle_deg: 95.0, width_m: 0.5 });
+        let door = Doorway { width_m: 0.8, wall_thickness_m: 0.1, leaf, ..DOOR };
+        let grid = FacetGrid::new(&door, &GridSpec::published()).unwrap();
+        let patch = crate::transport::PatchGrid { size: 32, fov_m: 0.3, layout: crate::transport::PixelLayout::Cells };
+        let past = PastLeaf::new(&door, &patch).unwrap();
+        let step = 4.0_f64.to_radians();
+        let [with, without] = [Some(&past), None].map(|leaf| Neighbourhood::new(&door, &grid, step, leaf));
+        let hidden = nearest(&grid, [-0.9, 2.2]);
+        assert_eq!(past.sees(grid.facets[hidden].midpoint()), [false, true]);
+        let mut intensities = vec![Intensity::default(); grid.len()];
+        intensities[hidden] = Intensity { left: 0.0, right: -0.7, colour: [1.0, 0.0, 0.0] };
+        let mut workspace = BlobWorkspace::default();
+        assert_eq!(with.blobs(&intensities, &mut workspace)[0].strength, 0.7);
+        assert!(without.blobs(&intensities, &mut workspace).is_empty());
     }
 
     #[test]

@@ -5,7 +5,7 @@ use crate::transport::{Kernel, PatchGrid, PixelLayout, TransportSpec};
 const SIZE: usize = 32;
 
 fn transport() -> Transport {
-    let doorway = Doorway { width_m: 0.6, wall_thickness_m: 0.05, height_m: None };
+    let doorway = Doorway { width_m: 0.6, wall_thickness_m: 0.05, height_m: None, leaf: None };
     let grid = FacetGrid::new(&doorway, &GridSpec { intervals: 30, ..GridSpec::published() }).unwrap();
     let patch = PatchGrid { size: SIZE, fov_m: 0.3, layout: PixelLayout::Cells };
     Transport::new(&doorway, &grid.facets, &TransportSpec { kernel: Kernel::Radiometric, facet_height_m: 2.0, patch })

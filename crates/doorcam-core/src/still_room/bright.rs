@@ -1,4 +1,5 @@
 use super::surfaces::{BANDS, BETWEEN_M, CEILING_M, Surfaces};
+use crate::geometry::{FoundLight, Room};
 use crate::scene::Rgb;
 
 /// A surface of the hidden room.
@@ -28,6 +29,23 @@ pub struct BrightThing {
     /// How much brighter its radiance is than what is usual in the room: light on the floor per steradian, relative to
     /// full scale.
     pub rgb: Rgb,
+}
+
+impl BrightThing {
+    /// Where it is in a room with walls at `room`.
+    pub fn in_room(&self, room: Room) -> FoundLight {
+        let [a, b] = self.along_m;
+        let ([from_m, to_m], height_m) = match self.place {
+            Place::LeftWall => ([[-room.half_width_m, a], [-room.half_width_m, b]], self.up_m),
+            Place::RightWall => ([[room.half_width_m, a], [room.half_width_m, b]], self.up_m),
+            Place::BackWall => ([[a, room.depth_m], [b, room.depth_m]], self.up_m),
+            Place::Ceiling => {
+                let middle = 0.5 * (self.up_m[0] + self.up_m[1]);
+                ([[a, middle], [b, middle]], [CEILING_M, CEILING_M])
+            }
+        };
+        FoundLight { from_m, to_m, height_m, rgb: self.rgb }
+    }
 }
 
 /// How many times as bright as the median of its kind of surface something must be.

@@ -16,7 +16,7 @@ pub use bright::{BrightThing, Place};
 pub use fit::Empty;
 pub use seen::Seen;
 
-use crate::geometry::Doorway;
+use crate::geometry::{Doorway, FoundLight};
 use crate::scene::Rgb;
 use crate::transport::FloorView;
 use surfaces::Surfaces;
@@ -76,5 +76,10 @@ impl StillRoom {
     /// What is brighter than the walls around it, the one with the most light first.
     pub fn bright_things(&self) -> Vec<BrightThing> {
         bright::find(&self.surfaces, &self.radiance)
+    }
+
+    /// The same, on the floor plan in the door frame.
+    pub fn found(&self) -> Vec<FoundLight> {
+        self.bright_things().iter().map(|thing| thing.in_room(self.surfaces.room())).collect()
     }
 }

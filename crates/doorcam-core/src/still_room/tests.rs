@@ -6,7 +6,7 @@ use crate::geometry::{Point, Room, Side};
 use crate::light::{FanPair, Floor, PatchPair};
 use crate::transport::{Body, PatchGrid, PixelLayout};
 
-pub(crate) const DOOR: Doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.12, height_m: Some(2.03) };
+pub(crate) const DOOR: Doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.12, height_m: Some(2.03), leaf: None };
 pub(crate) const ROOM: Room = Room { half_width_m: 2.0, depth_m: 4.0 };
 pub(crate) const PATCH: PatchGrid = PatchGrid { size: 48, fov_m: 0.3, layout: PixelLayout::Cells };
 

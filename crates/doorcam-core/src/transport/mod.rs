@@ -3,7 +3,10 @@
 mod body;
 mod edge_foot;
 mod kernel;
+mod past_leaf;
 mod patch;
+#[cfg(test)]
+mod testing;
 mod visibility;
 
 use nalgebra::DMatrix;
@@ -13,6 +16,7 @@ pub(crate) use body::share;
 pub use body::{Body, FloorView};
 pub use edge_foot::edge_foot_mask;
 pub use kernel::Kernel;
+pub use past_leaf::PastLeaf;
 pub use patch::{PatchGrid, PixelLayout};
 
 use crate::geometry::{Doorway, Facet, Side};

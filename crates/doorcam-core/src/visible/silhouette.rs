@@ -265,7 +265,7 @@ mod tests {
     use crate::calibration::pinhole::Pinhole;
     use crate::calibration::{Camera, Homography};
 
-    const DOORWAY: Doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None };
+    const DOORWAY: Doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None, leaf: None };
 
     fn pose() -> Pose {
         let pinhole =

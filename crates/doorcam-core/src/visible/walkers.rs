@@ -256,7 +256,7 @@ fn near_m(hidden: bool, face_m: f64) -> f64 {
 mod tests {
     use super::*;
 
-    const DOORWAY: Doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.12, height_m: None };
+    const DOORWAY: Doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.12, height_m: None, leaf: None };
 
     /// What is told of somebody on this path, in steps of 0.2 s, who is seen while y is between −1.2 and 0.3.
     fn told(path: impl Fn(f64) -> Point) -> Vec<(Direction, f64)> {

@@ -35,6 +35,7 @@ pub fn evaluation_svg(picture: &EvaluationPicture) -> String {
         width_m: length_or(picture.doorway.width_m, 0.0),
         wall_thickness_m: length_or(picture.doorway.wall_thickness_m, 0.0),
         height_m: None,
+        leaf: None,
     };
     let frame = extent(picture, doorway);
     let shades = shades(picture.tracks);

@@ -73,6 +73,7 @@ pub fn reconstruction_svg(picture: &ReconstructionPicture) -> String {
         width_m: length_or(picture.doorway.width_m, 0.0),
         wall_thickness_m: length_or(picture.doorway.wall_thickness_m, 0.0),
         height_m: None,
+        leaf: None,
     };
     let patch = PatchGrid { fov_m: length_or(picture.patch.fov_m, 0.0), ..*picture.patch };
     let picture = &ReconstructionPicture { doorway: &doorway, patch: &patch, ..*picture };

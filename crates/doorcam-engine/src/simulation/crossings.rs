@@ -66,7 +66,7 @@ fn passes(walk: &Walk, mut from: f64, mut to: f64) -> f64 {
 mod tests {
     use super::*;
 
-    const DOORWAY: Doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None };
+    const DOORWAY: Doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None, leaf: None };
 
     fn of(waypoints: &[(f64, [f64; 2])]) -> Vec<(Direction, f64)> {
         let walk = Walk { waypoints: waypoints.to_vec(), period_s: None };

@@ -293,7 +293,7 @@ mod tests {
     use super::*;
 
     fn map() -> FloorMap {
-        FloorMap::new(Doorway { width_m: 0.8, wall_thickness_m: 0.12, height_m: None })
+        FloorMap::new(Doorway { width_m: 0.8, wall_thickness_m: 0.12, height_m: None, leaf: None })
     }
 
     proptest! {

@@ -317,7 +317,7 @@ mod tests {
     #[test]
     fn a_floor_point_is_seen_where_the_line_of_sight_meets_it() {
         let mut spec = Scenario::parse(SMALLEST).unwrap().camera;
-        let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None };
+        let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None, leaf: None };
         for roll in [0.0, 7.0] {
             spec.roll_deg = roll;
             let camera = Pinhole::new(&spec);

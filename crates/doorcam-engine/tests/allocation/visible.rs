@@ -6,7 +6,7 @@ use doorcam_core::geometry::Doorway;
 use doorcam_core::visible::{Cells, Grid, Pose, Silhouettes, StillScene, Thumbnail, Walkers};
 
 pub fn check() {
-    let doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None };
+    let doorway = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None, leaf: None };
     // Straight from above, 220 pixels a metre, the wall's hidden face at row 180: some 2.6 m high.
     let floor = [[-0.5, -0.1], [0.5, -0.1], [0.5, -0.5], [-0.5, -0.5]];
     let points = floor.map(|[x, y]| ([x, y], [320.0 + 220.0 * x, 180.0 - 220.0 * y]));

@@ -22,7 +22,7 @@ struct Room {
 impl Room {
     fn new() -> Self {
         let mut scenario = Scenario::demo();
-        scenario.doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None };
+        scenario.doorway = Doorway { width_m: 0.508, wall_thickness_m: 0.0, height_m: None, leaf: None };
         Self { renderer: Renderer::new(&scenario), scenario }
     }
 

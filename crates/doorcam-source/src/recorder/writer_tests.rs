@@ -16,7 +16,7 @@ pub(in super::super) fn plan(limits: RecordingLimits) -> RecordingPlan {
         layout: Layout::Camera,
         transfer: Transfer::Srgb,
         size: Some([2, 2]),
-        doorway: Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None },
+        doorway: Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None, leaf: None },
         floor_points: vec![
             point([0.0, 0.0], [-0.6, -0.1]),
             point([1.0, 0.0], [0.6, -0.1]),

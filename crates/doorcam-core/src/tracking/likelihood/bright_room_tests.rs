@@ -21,6 +21,7 @@ fn finder(still: Option<&StillRoom>, level: f64) -> Finder {
     let table = BodyTable::new(&DOOR, &PATCH, &fans, RADIUS_M, HEIGHT_M);
     let likelihood = Likelihood::new(&LikelihoodSpec {
         doorway: &DOOR,
+        searched: &ROOM,
         room: &ROOM,
         patch: &PATCH,
         fans: &fans,

@@ -7,7 +7,7 @@ use super::whitened::Whitened;
 use crate::geometry::{Doorway, Room, Side};
 use crate::light::{FanPair, PatchPair};
 use crate::still_room::StillRoom;
-use crate::transport::{FloorView, PatchGrid};
+use crate::transport::{FloorView, PastLeaf, PatchGrid};
 
 /// Number of modes for smooth changes of the walls' light: half waves from wall to wall, and a constant.
 const MODES: usize = 30;
@@ -29,8 +29,10 @@ const GROUP: usize = 6;
 pub struct LikelihoodSpec<'a> {
     /// The doorway.
     pub doorway: &'a Doorway,
-    /// The hidden room.
+    /// The hidden room, for the light of its walls.
     pub room: &'a Room,
+    /// Where people may be.
+    pub searched: &'a Room,
     /// The patches.
     pub patch: &'a PatchGrid,
     /// Cells into which the patches' pixels are grouped.
@@ -63,6 +65,7 @@ pub struct Likelihood {
     /// Whether it is known what people hide of bright things in the room.
     pub(super) bright: bool,
     walls: Room,
+    leaf: Option<PastLeaf>,
 }
 
 /// A whitened difference.
@@ -113,7 +116,13 @@ impl Likelihood {
             still.map(|still| HiddenLight::new(spec.doorway, spec.patch, spec.fans, still, radius_m, height_m));
         let bodies = Whitened::new(spec.table, hidden.as_ref(), &whiten);
         let bright = still.is_some();
-        Some(Self { fans: spec.fans.clone(), whiten, bodies, level: spec.level, bright, walls: *spec.room })
+        let leaf = PastLeaf::new(spec.doorway, spec.patch);
+        Some(Self { fans: spec.fans.clone(), whiten, bodies, level: spec.level, bright, walls: *spec.searched, leaf })
+    }
+
+    /// Whether the left and the right patch see somebody at a place past the door's leaf.
+    pub(super) fn sees(&self, place: Place) -> [bool; 2] {
+        self.leaf.as_ref().map_or([true; 2], |leaf| leaf.sees(place.point()))
     }
 
     /// The nearest place at the same azimuth that is inside the room, with a tolerance for its walls.

@@ -58,8 +58,8 @@ pub(super) struct Candidate {
     pub radiance: [Rgb; 2],
     /// How much better the measurement is explained with this person than without, in units of the noise variance.
     pub significance: f64,
-    /// The significance at one edge alone, the one that shows this person less.
-    pub weaker: f64,
+    /// The significance at the left and at the right edge alone.
+    pub by_edge: [f64; 2],
     /// Twice the log of the evidence for this person: the significance less what free radiances would gain by chance.
     pub evidence: f64,
     /// Inverse covariance of the place from the measurement alone, given the others.
@@ -75,7 +75,7 @@ impl Candidate {
             prior,
             radiance: [[0.0; 3]; 2],
             significance: 0.0,
-            weaker: 0.0,
+            by_edge: [0.0; 2],
             evidence: 0.0,
             information: Matrix2::zeros(),
         }
@@ -415,7 +415,7 @@ impl Refiner {
             };
             let (significance, volume) = without(&[0, 1]);
             person.significance = significance;
-            person.weaker = without(&[0]).0.min(without(&[1]).0);
+            person.by_edge = [0, 1].map(|s| without(&[s]).0);
             // Volume of the posterior relative to the prior: the closer to the door, the smaller it is.
             person.evidence = significance + volume;
             let all = places.and_then(|p| p.fixed_view::<2, 2>(SHAPE * k, SHAPE * k).into_owned().try_inverse());

@@ -1,9 +1,9 @@
-use nalgebra::Matrix2;
+use nalgebra::{Matrix2, Vector2};
 
 use super::place::Place;
 use super::refine::{Candidate, Left, Prior, Refiner};
 use super::{Likelihood, MOST_PEOPLE, Measured};
-use crate::geometry::{Doorway, Point};
+use crate::geometry::{Doorway, Point, Side};
 use crate::light::PatchPair;
 use crate::tracking::{Covariance, Detection, Prediction};
 
@@ -18,7 +18,8 @@ const SHARE_WHEN_BRIGHT: f64 = 0.3;
 /// Least contrast of a person with what is behind, relative to the floor's level. Fainter candidates that still show
 /// are noise near the door.
 const LEAST_CONTRAST: f64 = 0.1;
-/// Least significance at each edge by itself. What only one edge shows may be anything along a line.
+/// Least significance at each edge by itself, unless the door's leaf hides the place from it. What only one of two edges
+/// shows may be anything along a line.
 const EACH_EDGE: f64 = 12.0;
 /// Share of the last three limits that an expected person must reach.
 const KEPT: f64 = 0.9;
@@ -30,12 +31,17 @@ const TRIED: usize = 3;
 /// Largest difference in azimuth, in radians, at which a seed may be a person already found, at another distance.
 /// Distance is the least certain coordinate.
 const ALONG: f64 = 0.5;
-/// Standard deviation of the body model's error, in radians at each edge.
+/// Where else somebody is tried whom only one edge sees, as multiples of their distance from it.
+const OTHER_RANGES: [f64; 2] = [1.3, 0.77];
+/// Standard deviation of the body model's error, in radians at each edge that sees somebody.
 const ANGLE_ERROR: f64 = 0.006;
 /// The same in a room with lamps or windows that the floor sees, where legs, arms and the borders of windows are not
 /// quite where the model has them. From simulated rooms.
 const ANGLE_ERROR_WHEN_BRIGHT: f64 = 0.013;
-/// How long that error stays the same, in seconds.
+/// Standard deviation of the error along the line of sight of somebody whom the leaf hides from one edge, as a share of
+/// their distance: what tells it is the width and the fading of an outline, and people differ.
+const ALONE_ERROR: f64 = 0.2;
+/// How long these errors stay the same, in seconds.
 const ERROR_LASTS_S: f64 = 0.8;
 
 /// Finds people in successive frames.
@@ -101,14 +107,35 @@ impl Finder {
         let tried = if self.frame.shows_both() { TRIED } else { 0 };
         for &seed in seeds.iter().take(tried) {
             left = self.consider(Place::from_point(seed), left);
+            for place in self.other_ranges(seed).into_iter().flatten() {
+                left = self.move_somebody(place, left).unwrap_or(left);
+            }
         }
         let sluggish = (ERROR_LASTS_S / elapsed_s.max(1e-3)).max(1.0);
         let angle_error = if self.likelihood.bright { ANGLE_ERROR_WHEN_BRIGHT } else { ANGLE_ERROR };
         self.found.clear();
-        let Self { found, people, doorway, .. } = self;
-        found.extend(people.iter().filter_map(|person| detection(doorway, person, angle_error, sluggish)));
+        let Self { found, people, doorway, likelihood, .. } = self;
+        found.extend(people.iter().filter_map(|person| {
+            let errors = match likelihood.sees(person.place) {
+                [true, false] => alone_error(doorway, Side::Left, person.place.point(), angle_error),
+                [false, true] => alone_error(doorway, Side::Right, person.place.point(), angle_error),
+                _ => model_error(doorway, person.place.point(), angle_error),
+            };
+            detection(person, errors * sluggish)
+        }));
         found.sort_by(|a, b| b.significance.total_cmp(&a.significance));
         &self.found
+    }
+
+    /// Places in the same direction, if the leaf hides a place from one edge: the map does not know how far away somebody
+    /// is who is seen past the other edge only, and their outline fits at several ranges.
+    fn other_ranges(&self, at: Point) -> [Option<Place>; 2] {
+        let edge = match self.likelihood.sees(Place::from_point(at)) {
+            [true, false] => self.doorway.edge(Side::Left),
+            [false, true] => self.doorway.edge(Side::Right),
+            _ => return [None; 2],
+        };
+        OTHER_RANGES.map(|factor| Some(Place::from_point([0, 1].map(|k| edge[k] + factor * (at[k] - edge[k])))))
     }
 
     /// Drops people who are not credible, one at a time.
@@ -142,9 +169,19 @@ impl Finder {
         };
         !in_wall
             && person.evidence >= least
-            && person.weaker >= strict * EACH_EDGE * f64::from(u8::from(self.frame.shows_both()))
+            && self.each_edge(person) >= strict * EACH_EDGE * f64::from(u8::from(self.frame.shows_both()))
             && contrast >= least_contrast * least_contrast
             && !self.people.iter().any(explained)
+    }
+
+    /// The significance at that edge which shows somebody least, among those that the leaf does not hide them from. Nobody
+    /// whom it hides from both is found.
+    fn each_edge(&self, person: &Candidate) -> f64 {
+        match self.likelihood.sees(person.place) {
+            [true, false] => person.by_edge[0],
+            [false, true] => person.by_edge[1],
+            _ => person.by_edge[0].min(person.by_edge[1]),
+        }
     }
 
     /// The less significant of two people who would overlap.
@@ -223,8 +260,8 @@ fn prior(prediction: &Prediction) -> Option<Prior> {
 }
 
 /// The detection that the frame alone supports: the prior with which the person was found is removed again. The model
-/// error stays the same for `sluggish` frames, so its variance is multiplied by that number.
-fn detection(doorway: &Doorway, person: &Candidate, angle_error: f64, sluggish: f64) -> Option<Detection> {
+/// has errors of its own, whose covariance is added.
+fn detection(person: &Candidate, errors: Matrix2<f64>) -> Option<Detection> {
     // Keeps the uncertainty to some metres, however little the frame tells.
     let information = person.information + Matrix2::identity() * 0.1;
     let covariance = information.try_inverse().filter(|c| c[(0, 0)] > 0.0 && c.determinant() > 0.0)?;
@@ -232,7 +269,6 @@ fn detection(doorway: &Doorway, person: &Candidate, angle_error: f64, sluggish: 
     let jacobian = person.place.jacobian();
     let offset = jacobian * covariance * pull;
     let [x, y] = person.place.point();
-    let errors = model_error(doorway, [x, y], angle_error) * sluggish;
     let all = jacobian * covariance * jacobian.transpose() + errors;
     let covariance: Covariance = [[all[(0, 0)], all[(0, 1)]], [all[(0, 1)], all[(1, 1)]]];
     let rgb = [0, 1, 2].map(|c| 0.5 * (person.radiance[0][c] + person.radiance[1][c]));
@@ -250,6 +286,15 @@ fn model_error(doorway: &Doorway, [x, y]: Point, angle_error: f64) -> Matrix2<f6
     places * places.transpose() * angle_error.powi(2)
 }
 
+/// The same for somebody whom only the edge of one side sees: the angle's error across its line of sight, [`ALONE_ERROR`]
+/// along it.
+fn alone_error(doorway: &Doorway, side: Side, [x, y]: Point, angle_error: f64) -> Matrix2<f64> {
+    let [edge_x, edge_y] = doorway.edge(side);
+    let sight = Vector2::new(x - edge_x, y - edge_y);
+    let across = Vector2::new(-sight[1], sight[0]);
+    sight * sight.transpose() * ALONE_ERROR.powi(2) + across * across.transpose() * angle_error.powi(2)
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -260,7 +305,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_model_error_is_that_of_angles(x in -1.5..1.5f64, y in 0.5..3.0f64, w in 0.4..1.0f64) {
-            let door = Doorway { width_m: w, wall_thickness_m: 0.0, height_m: None };
+            let door = Doorway { width_m: w, wall_thickness_m: 0.0, height_m: None, leaf: None };
             let Biangular { alpha1, alpha2 } = Biangular::from_point(&door, [x, y]);
             let moved = |a: f64, b: f64| Biangular { alpha1: alpha1 + a, alpha2: alpha2 + b }.to_point(&door);
             let h = 1e-6;

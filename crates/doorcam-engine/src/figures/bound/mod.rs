@@ -74,6 +74,7 @@ pub fn bound_svg(picture: &BoundPicture) -> String {
         width_m: length_or(picture.doorway.width_m, 1.0),
         wall_thickness_m: length_or(picture.doorway.wall_thickness_m, 0.0),
         height_m: None,
+        leaf: None,
     };
     let frame = extent(picture, doorway);
     let cell = frame.width() + axes::LEFT + GAP;

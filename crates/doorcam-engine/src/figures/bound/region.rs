@@ -69,7 +69,7 @@ mod tests {
         /// All corners of a cell inside the panel are crossings of its rays.
         #[test]
         fn corners_are_crossings_of_rays(a in 0.5..1.5f64, b in 0.5..1.5f64, wa in 0.001..0.1f64, wb in 0.001..0.1f64) {
-            let doorway = Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None };
+            let doorway = Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None, leaf: None };
             let frame = Frame { left: 0.0, top: 0.0, scale: 1.0, x: [-100.0, 100.0], y: [-1.0, 100.0] };
             let region = Region { angles: Biangular { alpha1: a, alpha2: b }, widths: [wa, wb] };
             let corners = cell(&region, &doorway, &frame);
@@ -85,7 +85,7 @@ mod tests {
         fn no_number_breaks_an_outline(values in proptest::collection::vec(prop_oneof![
             Just(f64::NAN), Just(f64::INFINITY), Just(-1e300), Just(0.0), -3.0..3.0
         ], 4)) {
-            let doorway = Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None };
+            let doorway = Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None, leaf: None };
             let frame = Frame { left: 0.0, top: 0.0, scale: 100.0, x: [-1.0, 1.0], y: [-0.2, 2.0] };
             let angles = Biangular { alpha1: values[0], alpha2: values[1] };
             let region = Region { angles, widths: [values[2], values[3]] };
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn who_could_be_anywhere_fills_the_room() {
-        let doorway = Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None };
+        let doorway = Doorway { width_m: 1.0, wall_thickness_m: 0.0, height_m: None, leaf: None };
         let frame = Frame { left: 0.0, top: 0.0, scale: 1.0, x: [-1.0, 1.0], y: [-0.2, 2.0] };
         let angles = Biangular { alpha1: 1.0, alpha2: 1.0 };
         let anywhere = Region { angles, widths: [f64::INFINITY; 2] };

@@ -8,7 +8,7 @@ use super::shown::Shown;
 use super::*;
 use doorcam_core::geometry::Biangular;
 
-const DOORWAY: Doorway = Doorway { width_m: 1.0, wall_thickness_m: 0.1, height_m: None };
+const DOORWAY: Doorway = Doorway { width_m: 1.0, wall_thickness_m: 0.1, height_m: None, leaf: None };
 
 fn panel(title: &str, sides: &[Side], walled: bool, regions: Vec<Region>, samples: Vec<Vec<f64>>) -> BoundPanel {
     BoundPanel { title: title.into(), sides: sides.to_vec(), walled, regions, samples }

@@ -7,7 +7,7 @@ use super::*;
 use crate::evaluation::{CrossingScore, CrossingVerdict, EstimatedPoint, Found, PersonPath, TrackPath, TruePoint};
 use doorcam_core::tracking::Direction;
 
-const DOORWAY: Doorway = Doorway { width_m: 0.85, wall_thickness_m: 0.12, height_m: None };
+const DOORWAY: Doorway = Doorway { width_m: 0.85, wall_thickness_m: 0.12, height_m: None, leaf: None };
 const ROOM: Room = Room { half_width_m: 1.5, depth_m: 3.0 };
 const COVARIANCE: [[f64; 2]; 2] = [[0.01, 0.0], [0.0, 0.04]];
 

@@ -36,7 +36,7 @@ impl Setting {
     }
 
     fn new(width_m: f64, wall_thickness_m: f64, half_width_m: f64, depth_m: f64, fov_m: f64) -> Self {
-        let doorway = Doorway { width_m, wall_thickness_m, height_m: None };
+        let doorway = Doorway { width_m, wall_thickness_m, height_m: None, leaf: None };
         let spec = GridSpec { room: Room { half_width_m, depth_m }, ..GridSpec::published() };
         let grid = FacetGrid::new(&doorway, &spec).expect("grid");
         Self { doorway, grid, patch: PatchGrid { size: 64, fov_m, layout: PixelLayout::Cells } }

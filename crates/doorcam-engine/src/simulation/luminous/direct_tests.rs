@@ -4,7 +4,7 @@ use super::super::Scenario;
 use super::*;
 
 fn door(wall_thickness_m: f64) -> Doorway {
-    Doorway { width_m: 0.8, wall_thickness_m, height_m: None }
+    Doorway { width_m: 0.8, wall_thickness_m, height_m: None, leaf: None }
 }
 
 fn person(centre: Point, radiance: Rgb) -> Cylinder {

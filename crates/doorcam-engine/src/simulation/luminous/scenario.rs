@@ -57,7 +57,7 @@ impl Scenario {
         let wall = |from, to, radiance| Wall { from, to, height_m: 2.4, radiance };
         let pale = [0.060, 0.058, 0.054];
         Self {
-            doorway: Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None },
+            doorway: Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: None, leaf: None },
             room: Room { half_width_m: half, depth_m: depth },
             walls: vec![
                 wall([-half, 0.0], [-half, depth], [0.048, 0.054, 0.060]),

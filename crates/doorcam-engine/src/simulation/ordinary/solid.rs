@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn a_solid_is_met_and_blocks_where_marching_finds_it() {
         let leaf = LeafSpec { hinge: Side::Left, angle_deg: 98.0, width_m: 0.8, height_m: 1.9, albedo: [0.5; 3] };
-        let door = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None };
+        let door = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None, leaf: None };
         let table = FurnitureSpec { x_m: [0.2, 1.0], y_m: [1.0, 2.0], up_m: [0.6, 0.8], albedo: [0.5; 3] };
         let (mut met, mut blocked) = (0, 0);
         for solid in [Solid::leaf(&leaf, &door), Solid::furniture(&table)] {
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn a_leaf_at_0_degrees_shuts_the_opening_and_at_90_stands_straight_into_the_room() {
-        let door = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None };
+        let door = Doorway { width_m: 0.9, wall_thickness_m: 0.1, height_m: None, leaf: None };
         let far = |hinge: Side, angle_deg: f64| {
             let spec = LeafSpec { hinge, angle_deg, width_m: 0.88, height_m: 2.0, albedo: [0.5; 3] };
             let corners = Solid::leaf(&spec, &door).corners;

@@ -144,7 +144,7 @@ fn the_floor_lacks_what_rays_to_lamps_and_sky_say() {
 /// Behind the wall only what comes through the opening is seen of a lamp.
 #[test]
 fn the_wall_hides_a_lamp_of_the_visible_side_from_the_hidden_floor() {
-    let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: Some(2.0) };
+    let doorway = Doorway { width_m: 0.8, wall_thickness_m: 0.1, height_m: Some(2.0), leaf: None };
     let lamp = [0.0, -2.0, 2.5];
     let seen = |x: f64, y: f64| lit_through(&doorway, lamp, 0.1, [x, y, 0.0]);
     assert_eq!([seen(0.0, -0.3), seen(3.0, -0.2), seen(0.0, 0.3)], [1.0; 3]);
