@@ -7,6 +7,7 @@ use crate::alignment::{Alignment, Followed};
 use crate::assembly::{BackgroundPlan, Parts, Sight};
 use crate::background::{FrameLight, Job, Keeper, KeeperError, Spaced, Work};
 use crate::people::{People, Threshold};
+use crate::put_down::PutDown;
 use crate::validity::Validity;
 use crate::visible_side::VisibleSide;
 use crate::{FrameReader, ReadTimes, Reconstruction, Reconstructor, State, Timing, Update, ViewReport, ViewState};
@@ -35,6 +36,8 @@ pub struct Engine {
     /// The camera's own side; in words why not, if it is not looked at.
     visible: Result<VisibleSide, String>,
     validity: Validity,
+    /// What was put down on the patches. `None` if the background is not fixed: it learns that.
+    put_down: Option<PutDown>,
     /// The recording's frames of the empty room.
     given: Spaced,
     pair: PatchPair,
@@ -88,6 +91,7 @@ impl Engine {
         let visible = parts.visible_side();
         Self {
             validity: Validity::new(&parts.model.counted),
+            put_down: keeper.is_none().then(|| PutDown::new(reader.patch().size)),
             visible,
             given: Spaced::new(averager.independent_s()),
             pair: PatchPair::zeros(reader.patch().size),
@@ -354,6 +358,14 @@ impl Engine {
             }
         } else {
             self.validity.allow_for_light();
+        }
+        let calm = self.visible.as_ref().map_or(true, |visible| !visible.is_busy(frame.seconds));
+        if !learning
+            && let Some(put_down) = &mut self.put_down
+            && let Some(reference) = self.reconstructor.reference_mut()
+        {
+            let (usable, counted) = (self.validity.usable(), self.validity.counted());
+            put_down.see(frame.seconds, &self.pair, usable, counted, calm, reference);
         }
         let (view, used) = self.validity.report();
         self.reconstructor.use_only(self.validity.usable(), used);

@@ -91,6 +91,7 @@ mod model;
 mod people;
 mod problem;
 mod published_iteration;
+mod put_down;
 mod reader;
 mod reconstructor;
 mod settings;

@@ -185,6 +185,11 @@ impl Reconstructor {
         self.problem.as_ref().map(|prepared| &prepared.reference)
     }
 
+    /// The same for a picture that is fixed, to correct it: the problem stays as it is.
+    pub(super) fn reference_mut(&mut self) -> Option<&mut PatchPair> {
+        self.problem.as_mut().filter(|prepared| prepared.problem.knows_noise()).map(|prepared| &mut prepared.reference)
+    }
+
     /// The picture of the empty room that frames can be judged by; none if it is known from too few frames, as in
     /// published measurements.
     pub(super) fn empty(&self) -> Option<&PatchPair> {

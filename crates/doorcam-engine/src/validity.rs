@@ -89,6 +89,11 @@ impl Validity {
         }
     }
 
+    /// All pixels that count.
+    pub(crate) fn counted(&self) -> &Usable {
+        &self.counted
+    }
+
     /// What is left, to take more out of it.
     pub(crate) fn usable_mut(&mut self) -> &mut Usable {
         &mut self.usable
