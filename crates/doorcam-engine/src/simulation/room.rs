@@ -54,7 +54,7 @@ const CEILING: usize = 3;
 
 impl Shell {
     pub(super) fn new(room: &RoomSpec, panels: &[PanelSpec]) -> Self {
-        let RoomSpec { half_width_m: half_width, depth_m: depth, ceiling_m: height, albedo } = *room;
+        let RoomSpec { half_width_m: half_width, depth_m: depth, ceiling_m: height, albedo, .. } = *room;
         let sizes = [[depth, height], [2.0 * half_width, height], [depth, height], [2.0 * half_width, depth]];
         let mut start = 0;
         let surfaces = sizes.map(|size| {

@@ -94,6 +94,10 @@ pub struct RoomSpec {
     pub depth_m: f64,
     /// Height of the ceiling.
     pub ceiling_m: f64,
+    /// How often light is reflected before it falls on the floor, at most; without limit if none. Only for ordinary
+    /// rooms, to compare them with a path tracer that has such a limit.
+    #[serde(default)]
+    pub bounces: Option<u32>,
     /// Albedo of its surfaces.
     pub albedo: RoomAlbedo,
 }

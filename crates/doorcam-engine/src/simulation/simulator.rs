@@ -60,10 +60,9 @@ struct Outlook {
 
 /// The light of the hidden room.
 #[derive(Debug, Clone)]
-#[expect(clippy::large_enum_variant, reason = "there is one of them for each simulator")]
 enum Light {
-    Plain(RoomLight),
-    Ordinary(OrdinaryLight),
+    Plain(Box<RoomLight>),
+    Ordinary(Box<OrdinaryLight>),
 }
 
 impl Light {
@@ -98,11 +97,11 @@ impl Simulator {
         let seen = views.iter().flat_map(|outlook| outlook.view.pixels.iter().flat_map(|pixel| pixel.taps));
         let light = if scenario.is_ordinary() {
             let others: Vec<Tap> = lit_places(&scenario.doorway).flat_map(|place| floor.taps(place)).collect();
-            Light::Ordinary(OrdinaryLight::new(&scenario, floor, seen.chain(others)))
+            Light::Ordinary(Box::new(OrdinaryLight::new(&scenario, floor, seen.chain(others))))
         } else {
             let mut light = RoomLight::new(&scenario);
             light.look_only_at(seen);
-            Light::Plain(light)
+            Light::Plain(Box::new(light))
         };
         let exposure = Exposure::new(&scenario.camera, scenario.flicker);
         let walks = scenario.person.iter().map(Scenario::walk).collect();

@@ -37,6 +37,9 @@ pub(in crate::simulation) fn check(scenario: &Scenario) -> Result<(), String> {
             return Err(format!("{key} has {count} entries, expected at most {MOST}"));
         }
     }
+    if let Some(bounces) = scenario.room.bounces {
+        within("room.bounces", bounces.into(), 2.0, 100.0, "reflections")?;
+    }
     for (k, window) in scenario.window.iter().enumerate() {
         let key = format!("window[{k}]");
         on_wall(&key, scenario, window.wall, window.along_m, window.up_m)?;

@@ -2,6 +2,7 @@ use super::super::floor::FloorNode;
 use super::super::room::{Taps, Vector, WallHit};
 use super::light::{Now, OrdinaryLight};
 use super::person::Person;
+use super::radiosity::product;
 use super::shell::slope;
 use doorcam_core::geometry::Point;
 use doorcam_core::scene::Rgb;
@@ -18,7 +19,7 @@ const STEP: f64 = 0.01;
 const MOST_STEPS: usize = 6;
 const STEPS: usize = 3;
 /// Breaks nearer to each other than this are one, in radians.
-const SAME: f64 = 0.0015;
+const SAME: f64 = 0.003;
 /// Elevations at which a glossy floor's view of a source is sampled.
 const GLOSSY: usize = 5;
 
@@ -285,10 +286,14 @@ impl OrdinaryLight {
             let What::Person { who, part } = met.what else { continue };
             let (cylinder, albedo) = &people[who].parts[part];
             let normal = [0, 1].map(|k| (at[k] + met.distance * view.ray[k] - cylinder.centre[k]) / cylinder.radius);
+            if cut.is_empty() {
+                continue;
+            }
+            let line = people[who].line(normal);
             for &interval in cut.iter() {
                 shown.push(interval);
                 for (s, step) in steps(interval, STEPS) {
-                    let falls = people[who].light(normal, met.distance * slope(s));
+                    let falls = line.at(met.distance * slope(s));
                     let weight = 0.5 * step * self.glossy(view, s) / PI;
                     (0..3).for_each(|c| light[c] += weight * albedo[c] * falls[c]);
                 }
@@ -366,20 +371,6 @@ fn take(free: &mut Intervals, [from, to]: [f64; 2], cut: &mut Intervals, spare: 
         }
     }
     std::mem::swap(free, spare);
-}
-
-/// Σ a b, in as many lanes as processors have.
-fn product(a: &[f32], b: &[f32]) -> f64 {
-    const LANES: usize = 16;
-    let mut sums = [0.0_f32; LANES];
-    for (a, b) in a.chunks_exact(LANES).zip(b.chunks_exact(LANES)) {
-        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
-            *sum += a * b;
-        }
-    }
-    let whole = a.len() / LANES * LANES;
-    let rest: f32 = a[whole..].iter().zip(&b[whole..]).map(|(a, b)| a * b).sum();
-    f64::from(sums.iter().sum::<f32>() + rest)
 }
 
 /// sin² of the elevation of something of this height at this distance.

@@ -42,7 +42,7 @@ fn a_closed_room_absorbs_what_its_sources_give() {
 /// Pieces of the left or right wall, and the irradiance of each.
 fn wall_pieces(x: f64, falls: impl Fn([f64; 3], [f64; 3]) -> f64) -> Vec<([f64; 3], [f64; 3], f64, f64)> {
     let normal = [-x.signum(), 0.0, 0.0];
-    let n = 60;
+    let n = 40;
     let area = 3.0 * 2.4 / f64::from(n * n);
     (0..n * n)
         .map(|k| {
@@ -82,7 +82,7 @@ fn light_that_a_wall_reflects_equals_the_literal_sum() {
         let shaded = (1..200).any(|k| ways.in_solid([0, 1, 2].map(|c| at[c] + t * f64::from(k) / 200.0 * d[c])));
         if through && !shaded { 10.0 * (d[0] * normal[0]).max(0.0) / length } else { 0.0 }
     });
-    assert!(beam.iter().filter(|piece| piece.3 > 0.0).count() > 100);
+    assert!(beam.iter().filter(|piece| piece.3 > 0.0).count() > 40);
     let nodes = |levels: [f64; 2]| light.light(&levels, Vec::new(), [0.0; 3]);
     let (by_sky, by_sun) = (nodes([1.0, 0.0]), nodes([0.0, 1.0]));
     let straight = rectangle([-0.3, 3.0, 0.9], [1.2, 0.0, 0.0], [0.0, 0.0, 1.2], [0.0, -1.0, 0.0]);
@@ -113,11 +113,11 @@ fn the_light_of_a_body_equals_the_literal_sum_over_rays() {
     let empty = light.light(&[1.0], Vec::new(), [0.0; 3]);
     let ways = Ways { scenario: &scenario, bodies: std::slice::from_ref(&body) };
     let lamp_at = [1.2, 0.25, 2.0];
-    for point in [[-0.52, -0.25], [0.0, -0.3], [0.3, -0.2], [0.5, -0.3]] {
+    for point in [POINTS[4], POINTS[5], POINTS[6]] {
         let [x, y] = point;
         let middle = (-0.1_f64 - x).atan2(1.5 - y);
         let (half, n) = (0.32, 200);
-        let mut sum = 0.0;
+        let (mut sum, mut shaded) = (0.0, 0.0);
         for k in 0..n * n {
             let phi = middle + half * (2.0 * (f64::from(k % n) + 0.5) / f64::from(n) - 1.0);
             let s = 0.75 * (f64::from(k / n) + 0.5) / f64::from(n);
@@ -132,14 +132,17 @@ fn the_light_of_a_body_equals_the_literal_sum_over_rays() {
             let range = apart(lamp_at, place);
             let facing = (0..3).map(|c| d[c] * normal[c]).sum::<f64>() / range;
             let before = [0, 1, 2].map(|c| place[c] + 1e-3 * normal[c]);
-            if facing > 0.0 && ways.free(before, lamp_at) {
-                sum += 0.8 / PI * facing / (range * range) * 0.5 * (2.0 * half / f64::from(n)) * (0.75 / f64::from(n));
+            if facing > 0.0 {
+                let solid_angle = 0.5 * (2.0 * half / f64::from(n)) * (0.75 / f64::from(n));
+                let light = 0.8 / PI * facing / (range * range) * solid_angle;
+                sum += light;
+                shaded += if ways.free(before, lamp_at) { 0.0 } else { light };
             }
         }
         let found = at(&light, &nodes, point)[1] - at(&light, &empty, point)[1];
-        println!("{point:?}: {sum:.6} {found:.6}");
+        println!("{point:?}: {sum:.6} {found:.6}, without shadows of limbs on limbs {:.6}", sum - shaded);
         // Shadows of limbs on each other are left out, and light is that on the body's axis.
-        assert!((found / sum - 1.0).abs() < 0.25, "{point:?}: {sum} {found}");
+        assert!((found / sum - 1.0).abs() < 0.2, "{point:?}: {sum} {found}");
     }
 }
 

@@ -10,8 +10,8 @@ use super::super::scenario::Scenario;
 use super::column::Scratch;
 use super::gloss::Gloss;
 use super::person::Person;
-use super::radiosity::{Exchange, on_place};
-use super::shell::Shell;
+use super::radiosity::{BOUNCES, Exchange, on_place};
+use super::shell::{Shell, Texel};
 use super::solid::blocked;
 use super::source::{self, Source, Tile};
 use doorcam_core::geometry::{Doorway, Point};
@@ -51,8 +51,6 @@ pub(in crate::simulation) struct OrdinaryLight {
     needed: Vec<bool>,
     /// Whether the floor beside the edges sees a source itself.
     seen: bool,
-    /// Irradiance of all surfaces that a lost unit of flux would have become after its first reflection.
-    late: Rgb,
 }
 
 /// Walls, ceiling and furniture with people in the room.
@@ -70,10 +68,10 @@ impl OrdinaryLight {
     pub(in crate::simulation) fn new(scenario: &Scenario, floor: FloorMap, places: impl Iterator<Item = Tap>) -> Self {
         let shell = Shell::new(scenario);
         let (sources, tiles) = source::all(scenario);
-        let exchange = Exchange::new(&shell, &sources, &tiles);
+        let bounces = scenario.room.bounces.unwrap_or(BOUNCES);
+        let exchange = Exchange::new(&shell, &sources, &tiles, bounces);
         let needed = floor.nodes_of(places);
         let count = shell.texels.len();
-        let late = late(&shell);
         let mut light = Self {
             doorway: scenario.doorway,
             gloss: Gloss::new(&scenario.floor, &scenario.camera),
@@ -87,7 +85,6 @@ impl OrdinaryLight {
             exchange,
             needed,
             seen: false,
-            late,
         };
         light.breaks = light.floor.nodes.iter().map(|node| light.breaks_of(node)).collect();
         let mut transport = std::mem::take(&mut light.transport);
@@ -161,8 +158,8 @@ impl OrdinaryLight {
         }
         people.retain(|person| self.is_near(person));
         if !people.is_empty() {
-            let lost = self.light_people(levels, visible, &mut people);
-            let now = self.now(levels, &people, lost);
+            self.light_people(levels, visible, &mut people);
+            let now = self.now(levels, &mut people);
             let needed = nodes.par_iter_mut().enumerate().filter(|(k, _)| self.needed[*k]);
             needed.for_each_init(Scratch::default, |scratch, (k, node)| {
                 let change = self.change(k, &people, &now, scratch);
@@ -181,8 +178,8 @@ impl OrdinaryLight {
         }
     }
 
-    /// Lights all people, and returns the irradiance that every surface of the room lacks because of what they absorb.
-    fn light_people(&self, levels: &[f64], visible: Rgb, people: &mut [Person]) -> Rgb {
+    /// Lights all people.
+    fn light_people(&self, levels: &[f64], visible: Rgb, people: &mut [Person]) {
         let mut shown = vec![[0.0; 3]; self.shell.patches.len()];
         for (patches, level) in self.exchange.patches.iter().zip(levels).filter(|(_, level)| **level > 0.0) {
             for (sum, patch) in shown.iter_mut().zip(patches) {
@@ -210,22 +207,6 @@ impl OrdinaryLight {
             });
             people[k].irradiance = irradiance.collect();
         }
-        let (mut absorbed, mut area) = ([0.0; 3], [0.0; 3]);
-        for person in people.iter().filter(|person| person.axis[1] > 0.0) {
-            let flux = person.flux();
-            for c in 0..3 {
-                absorbed[c] += (1.0 - person.albedo[c]) * flux[c];
-                area[c] += (1.0 - person.albedo[c]) * person.area();
-            }
-        }
-        let lost = [0, 1, 2].map(|c| self.late[c] * absorbed[c] / (1.0 + self.late[c] * area[c]));
-        for person in people.iter_mut().filter(|person| person.axis[1] > 0.0) {
-            person
-                .irradiance
-                .iter_mut()
-                .for_each(|light| (0..3).for_each(|c| light[c] = (light[c] - lost[c]).max(0.0)));
-        }
-        lost
     }
 
     /// Direct irradiance from a tile at a place on somebody, for a radiance of 1.
@@ -256,38 +237,44 @@ impl OrdinaryLight {
         self.doorway.height_m.unwrap_or(f64::INFINITY).min(self.shell.ceiling())
     }
 
-    /// The surfaces with people's shadows, the light that people take from them and give to them, and what all of them
-    /// lack.
-    fn now(&self, levels: &[f64], people: &[Person], lost: Rgb) -> Now {
+    /// The surfaces with people's shadows and the light that people take from them and give to them, and what all of them
+    /// reflect less because of that. People get less of it, too.
+    fn now(&self, levels: &[f64], people: &mut [Person]) -> Now {
+        let Exchange { texels: all, indirect, direct, patches: shown, on_patches, .. } = &self.exchange;
+        let level = |of: &[Vec<Rgb>], k: usize| {
+            let mut sum = [0.0; 3];
+            for (source, level) in of.iter().zip(levels).filter(|(_, level)| **level > 0.0) {
+                (0..3).for_each(|c| sum[c] += level * source[k][c]);
+            }
+            sum
+        };
+        let patches = &self.shell.patches;
+        let first: Vec<(Rgb, Rgb)> = (0..patches.len())
+            .into_par_iter()
+            .map(|k| {
+                let patch = &patches[k];
+                // What a black patch gets is not known from what it shows; it takes part in nothing anyway.
+                let radiance = level(shown, k);
+                let falls = [0, 1, 2].map(|c| PI * radiance[c] / patch.albedo[c].max(0.02));
+                let straight = self.straight(levels, on_patches, k);
+                let indirect = [0, 1, 2].map(|c| (falls[c] - straight[c]).max(0.0));
+                (self.shadow(levels, people, on_patches, patch, k), given(people, patch, indirect))
+            })
+            .collect();
+        let (shadows, taken): (Vec<Rgb>, Vec<Rgb>) = first.into_iter().unzip();
+        let (late, mean) = self.exchange.response(patches, &shadows, &taken);
+        for person in people.iter_mut().filter(|person| person.axis[1] > 0.0) {
+            person
+                .irradiance
+                .iter_mut()
+                .for_each(|light| (0..3).for_each(|c| light[c] = (light[c] + mean[c]).max(0.0)));
+        }
+        let people = &*people;
         let texels = self.shell.texels.par_iter().enumerate().map(|(k, texel)| {
-            let (mut still, mut indirect) = ([0.0; 3], [0.0; 3]);
-            for (source, level) in levels.iter().enumerate().filter(|(_, level)| **level > 0.0) {
-                let (all, part) = (self.exchange.texels[source][k], self.exchange.indirect[source][k]);
-                for c in 0..3 {
-                    still[c] += level * all[c];
-                    indirect[c] += level * part[c];
-                }
-            }
-            let mut change = lost.map(|c| -c);
-            for (tile, direct) in self.tiles.iter().zip(&self.exchange.direct) {
-                let direct = levels[tile.source] * f64::from(direct[k]);
-                if direct > 0.0 {
-                    let (at, size) = tile.from(texel.centre);
-                    let hides = |part: &Part| hidden_by_part(at, size, texel.centre, texel.half(), part);
-                    let free: f64 = people
-                        .iter()
-                        .filter(|person| hides(&person.hull) > 0.0)
-                        .flat_map(|person| person.shade.iter().map(|(part, _)| 1.0 - hides(part)))
-                        .product();
-                    let radiance = self.sources[tile.source].radiance;
-                    (0..3).for_each(|c| change[c] -= radiance[c] * direct * (1.0 - free));
-                }
-            }
-            for person in people.iter().filter(|person| person.axis[1] > 0.0) {
-                let given = exchanged(person, texel.centre, texel.normal, indirect);
-                (0..3).for_each(|c| change[c] += given[c]);
-            }
-            let change = [0, 1, 2].map(|c| change[c].max(-still[c]));
+            let still = level(all, k);
+            let shadow = self.shadow(levels, people, direct, texel, k);
+            let taken = given(people, texel, level(indirect, k));
+            let change = [0, 1, 2].map(|c| (shadow[c] + taken[c] + late[k][c]).max(-still[c]));
             let shine = |light: Rgb| [0, 1, 2].map(|c| texel.albedo[c] / PI * light[c]);
             (shine([0, 1, 2].map(|c| still[c] + change[c])), shine(change))
         });
@@ -298,6 +285,46 @@ impl OrdinaryLight {
             levels: levels.to_vec(),
         }
     }
+
+    /// What falls straight from all sources on a piece of surface in the empty room.
+    fn straight(&self, levels: &[f64], direct: &[Vec<f32>], k: usize) -> Rgb {
+        let mut sum = [0.0; 3];
+        for (tile, direct) in self.tiles.iter().zip(direct) {
+            let (light, radiance) = (levels[tile.source] * f64::from(direct[k]), self.sources[tile.source].radiance);
+            (0..3).for_each(|c| sum[c] += radiance[c] * light);
+        }
+        sum
+    }
+
+    /// What people take of that: a negative irradiance.
+    fn shadow(&self, levels: &[f64], people: &[Person], direct: &[Vec<f32>], texel: &Texel, k: usize) -> Rgb {
+        let mut change = [0.0; 3];
+        for (tile, direct) in self.tiles.iter().zip(direct) {
+            let direct = levels[tile.source] * f64::from(direct[k]);
+            if direct > 0.0 {
+                let (at, size) = tile.from(texel.centre);
+                let hides = |part: &Part| hidden_by_part(at, size, texel.centre, texel.half(), part);
+                let free: f64 = people
+                    .iter()
+                    .filter(|person| hides(&person.hull) > 0.0)
+                    .flat_map(|person| person.shade.iter().map(|(part, _)| 1.0 - hides(part)))
+                    .product();
+                let radiance = self.sources[tile.source].radiance;
+                (0..3).for_each(|c| change[c] -= radiance[c] * direct * (1.0 - free));
+            }
+        }
+        change
+    }
+}
+
+/// What people give a piece of surface, less what they hide of the indirect light there.
+fn given(people: &[Person], texel: &Texel, indirect: Rgb) -> Rgb {
+    let mut sum = [0.0; 3];
+    for person in people.iter().filter(|person| person.axis[1] > 0.0) {
+        let given = exchanged(person, texel.centre, texel.normal, indirect);
+        (0..3).for_each(|c| sum[c] += given[c]);
+    }
+    sum
 }
 
 /// The irradiance that somebody gives a place, less what they hide of the indirect light there.
@@ -318,20 +345,11 @@ fn exchanged(person: &Person, place: Vector, normal: Vector, indirect: Rgb) -> R
             // The outline as a disc: bounded where it is close.
             let factor = facing * flat2.sqrt() * outline / (d2 * (PI * d2 + outline));
             let flat = flat2.sqrt().max(1e-6);
-            let light = person.light([-d[0] / flat, -d[1] / flat], z);
+            let light = person.line([-d[0] / flat, -d[1] / flat]).at(z);
             (0..3).for_each(|c| sum[c] += factor * (albedo[c] * light[c] - indirect[c]));
         }
     }
     sum
-}
-
-/// ρ / (S (1 − ρ)), S the area of all surfaces and ρ their mean albedo.
-fn late(shell: &Shell) -> Rgb {
-    let area: f64 = shell.patches.iter().map(|patch| patch.area).sum();
-    [0, 1, 2].map(|c| {
-        let mean = shell.patches.iter().map(|patch| patch.area * patch.albedo[c]).sum::<f64>() / area;
-        mean / (area * (1.0 - mean).max(0.05))
-    })
 }
 
 #[cfg(test)]

@@ -29,13 +29,11 @@ fn black(more: &str) -> Scenario {
     scenario
 }
 
-/// All floor points of the test, so that no node is left out.
+/// At the floor points of the tests and those mirrored.
 fn light_of(scenario: &Scenario) -> OrdinaryLight {
     let floor = FloorMap::new(scenario.doorway);
-    let taps: Vec<Tap> = (0..=40)
-        .flat_map(|i| (0..=30).map(move |j| [f64::from(i) * 0.04 - 0.8, -0.1 - f64::from(j) * 0.02]))
-        .flat_map(|place| floor.taps(place))
-        .collect();
+    let places = POINTS.into_iter().flat_map(|[x, y]| [[x, y], [-x, y]]);
+    let taps: Vec<Tap> = places.flat_map(|place| floor.taps(place)).collect();
     OrdinaryLight::new(scenario, floor, taps.into_iter())
 }
 
@@ -52,7 +50,6 @@ fn walker(at: Point) -> Body {
 
 fn dressed(mut person: Person, albedo: Rgb) -> Person {
     person.parts.iter_mut().chain(&mut person.shade).for_each(|(_, colour)| *colour = albedo);
-    person.albedo = albedo;
     person
 }
 

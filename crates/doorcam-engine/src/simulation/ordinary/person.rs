@@ -27,8 +27,6 @@ pub(in crate::simulation) struct Person {
     pub(super) shade: Vec<(Part, Rgb)>,
     /// A cylinder around all of them.
     pub(super) hull: Part,
-    /// Mean albedo.
-    pub(super) albedo: Rgb,
     /// Irradiance of surfaces that face away from the axis: `AROUND` x `UP`, heights first.
     pub(super) irradiance: Vec<Rgb>,
 }
@@ -49,8 +47,8 @@ impl Person {
         for (capsule, albedo) in body.capsules() {
             let (a, b, r) = (capsule.from, capsule.to, capsule.radius);
             let across = (b[0] - a[0]).hypot(b[1] - a[1]);
-            // Steps that are no wider than the limb.
-            let count = ((across / r).ceil() as usize).clamp(1, 4);
+            // Steps of at most two thirds of the limb's radius.
+            let count = ((1.5 * across / r).ceil() as usize).clamp(1, 5);
             for k in 0..count {
                 let at = |share: f64| [0, 1, 2].map(|c| a[c] + share * (b[c] - a[c]));
                 let (from, to) = (at(k as f64 / count as f64), at((k + 1) as f64 / count as f64));
@@ -80,18 +78,9 @@ impl Person {
         let all = || parts.iter().chain(&shade).map(|(part, _)| part);
         let away = |p: &Part| (p.centre[0] - axis[0]).hypot(p.centre[1] - axis[1]) + p.radius;
         let (reach, height) = all().fold((0.0_f64, 0.0_f64), |(r, h), p| (r.max(away(p)), h.max(p.top)));
-        // By the area of their sides.
-        let area = |p: &Part| TAU * p.radius * (p.top - p.bottom);
-        let whole: f64 = shade.iter().map(|(p, _)| area(p)).sum();
-        let albedo = [0, 1, 2].map(|c| shade.iter().map(|(p, albedo)| area(p) * albedo[c]).sum::<f64>() / whole);
         let radius = shade.iter().map(|(p, _)| p.radius).fold(0.0, f64::max);
         let hull = Part { centre: axis, radius: reach, bottom: 0.0, top: height };
-        Self { axis, height, radius, parts, shade, hull, albedo, irradiance: Vec::new() }
-    }
-
-    /// Area of the sides, in square metres.
-    pub(super) fn area(&self) -> f64 {
-        self.shade.iter().map(|(p, _)| TAU * p.radius * (p.top - p.bottom)).sum()
+        Self { axis, height, radius, parts, shade, hull, irradiance: Vec::new() }
     }
 
     /// The places for which light is calculated: place and normal.
@@ -104,25 +93,31 @@ impl Person {
         })
     }
 
-    /// Irradiance at height z where `normal`, a unit vector, points away from a part's axis.
-    pub(super) fn light(&self, normal: Point, z: f64) -> Rgb {
+    /// Irradiance up a part where `normal`, a unit vector, points away from its axis.
+    pub(super) fn line(&self, normal: Point) -> Line<'_> {
         let turn = normal[1].atan2(normal[0]).rem_euclid(TAU) / TAU * AROUND as f64;
-        let up = (z / self.height).clamp(0.0, 1.0) * (UP - 1) as f64;
-        let (i, j) = (turn as usize % AROUND, (up as usize).min(UP - 2));
-        let (a, b) = (turn.fract(), up - j as f64);
-        let next = (i + 1) % AROUND;
-        let at = |i: usize, j: usize| &self.irradiance[i * UP + j];
-        let [p, q, r, s] = [at(i, j), at(i, j + 1), at(next, j), at(next, j + 1)];
-        [0, 1, 2].map(|c| (p[c] * (1.0 - b) + q[c] * b) * (1.0 - a) + (r[c] * (1.0 - b) + s[c] * b) * a)
+        let i = turn as usize % AROUND;
+        let line = |i: usize| &self.irradiance[i * UP..][..UP];
+        Line { lines: [line(i), line((i + 1) % AROUND)], beside: turn.fract(), height: self.height }
     }
+}
 
-    /// The light that falls on them.
-    pub(super) fn flux(&self) -> Rgb {
-        let share = self.area() / (AROUND * UP) as f64;
-        let mut sum = [0.0; 3];
-        for light in &self.irradiance {
-            (0..3).for_each(|c| sum[c] += share * light[c]);
-        }
-        sum
+/// Irradiance along a vertical line, interpolated between two known ones.
+#[derive(Clone, Copy)]
+pub(super) struct Line<'a> {
+    lines: [&'a [Rgb]; 2],
+    beside: f64,
+    height: f64,
+}
+
+impl Line<'_> {
+    /// Irradiance at height z.
+    pub(super) fn at(&self, z: f64) -> Rgb {
+        let up = (z / self.height).clamp(0.0, 1.0) * (UP - 1) as f64;
+        let j = (up as usize).min(UP - 2);
+        let (a, b) = (self.beside, up - j as f64);
+        let [near, far] = self.lines;
+        let between = |low: f64, high: f64, t: f64| low + (high - low) * t;
+        [0, 1, 2].map(|c| between(between(near[j][c], near[j + 1][c], b), between(far[j][c], far[j + 1][c], b), a))
     }
 }

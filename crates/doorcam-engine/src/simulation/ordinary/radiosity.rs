@@ -8,8 +8,10 @@ use super::solid::{Solid, blocked};
 use super::source::{Source, Tile, dot};
 use doorcam_core::scene::Rgb;
 
-/// Rounds of exchange between patches: what is left after them is below a thousandth of the light.
-const ROUNDS: usize = 14;
+/// Reflections that count if a scenario sets no limit: what is left after them is below a thousandth of the light.
+pub(super) const BOUNCES: u32 = 26;
+/// Most further reflections of what people change: the rest is below a hundredth of it.
+const MOST_RESPONSES: u32 = 9;
 /// How far from a surface a line of sight begins, in metres.
 const BEFORE_M: f64 = 1e-4;
 
@@ -24,6 +26,15 @@ pub(super) struct Exchange {
     pub(super) indirect: Vec<Vec<Rgb>>,
     /// Per tile and seen texel: direct irradiance for a radiance of 1.
     pub(super) direct: Vec<Vec<f32>>,
+    /// Per tile and patch: direct irradiance for a radiance of 1.
+    pub(super) on_patches: Vec<Vec<f32>>,
+    /// Form factors from all patches to each, and to each seen texel.
+    factors: Vec<f32>,
+    gather: Vec<f32>,
+    /// Mean albedo of all patches, by channel.
+    albedo: Rgb,
+    /// How often light is reflected.
+    bounces: u32,
     /// Per source: mean irradiance of the doorway's wall, seen from the room.
     pub(super) front: Vec<Rgb>,
 }
@@ -66,7 +77,8 @@ fn direct(tile: &Tile, texel: &Texel, solids: &[Solid]) -> f64 {
 }
 
 impl Exchange {
-    pub(super) fn new(shell: &Shell, sources: &[Source], tiles: &[Tile]) -> Self {
+    /// Light that is reflected at most `bounces` times before it falls on the floor.
+    pub(super) fn new(shell: &Shell, sources: &[Source], tiles: &[Tile], bounces: u32) -> Self {
         let (patches, solids) = (&shell.patches, &shell.solids);
         let count = patches.len();
         let mut factors = vec![0.0_f32; count * count];
@@ -86,29 +98,30 @@ impl Exchange {
                 })
                 .collect();
             let mut shown = straight.clone();
-            for _ in 0..ROUNDS {
-                for k in 0..count {
+            // Reflected once by now, and once more by what the floor sees.
+            for _ in 2..bounces {
+                let again = |k: usize| {
                     let light = gathered(&factors[k * count..][..count], &shown);
-                    shown[k] = [0, 1, 2].map(|c| straight[k][c] + patches[k].albedo[c] * light[c]);
-                }
+                    [0, 1, 2].map(|c| straight[k][c] + patches[k].albedo[c] * light[c])
+                };
+                shown = (0..count).map(again).collect();
             }
             shown
         };
         let shown: Vec<Vec<Rgb>> = (0..sources.len()).into_par_iter().map(of_source).collect();
-        let direct: Vec<Vec<f32>> = tiles
-            .par_iter()
-            .map(|tile| shell.texels.iter().map(|texel| direct(tile, texel, solids) as f32).collect())
-            .collect();
-        let by_texel: Vec<Vec<Rgb>> = shell
-            .texels
-            .par_iter()
-            .map_init(
-                || vec![0.0_f32; count],
-                |factors, texel| {
-                    row(lifted(texel), texel.normal, patches, solids, factors);
-                    shown.iter().map(|shown| gathered(factors, shown).map(|c| PI * c)).collect()
-                },
-            )
+        let straight = |texels: &[Texel]| -> Vec<Vec<f32>> {
+            let on_all = |tile: &Tile| texels.iter().map(|texel| direct(tile, texel, solids) as f32).collect();
+            tiles.par_iter().map(on_all).collect()
+        };
+        let (direct, on_patches) = (straight(&shell.texels), straight(patches));
+        let mut gather = vec![0.0_f32; shell.texels.len() * count];
+        let by_texel: Vec<Vec<Rgb>> = gather
+            .par_chunks_mut(count)
+            .zip(&shell.texels)
+            .map(|(factors, texel)| {
+                row(lifted(texel), texel.normal, patches, solids, factors);
+                shown.iter().map(|shown| gathered(factors, shown).map(|c| PI * c)).collect()
+            })
             .collect();
         let indirect: Vec<Vec<Rgb>> =
             (0..sources.len()).map(|source| by_texel.iter().map(|all| all[source]).collect()).collect();
@@ -120,7 +133,54 @@ impl Exchange {
             }
         }
         let front = shown.iter().map(|shown| front(patches, shown)).collect();
-        Self { patches: shown, texels, indirect, direct, front }
+        let area: f64 = patches.iter().map(|patch| patch.area).sum();
+        let mean = |c: usize| patches.iter().map(|patch| patch.area * patch.albedo[c]).sum::<f64>() / area;
+        let albedo = [0, 1, 2].map(mean);
+        Self { patches: shown, texels, indirect, direct, on_patches, factors, gather, albedo, bounces, front }
+    }
+
+    /// What all surfaces make of a change of the irradiance of patches: that of the irradiance of each seen texel, and on
+    /// the mean of all patches, after the first reflection. `straight` is the change of what comes straight from lights,
+    /// `reflected` that of the rest.
+    pub(super) fn response(&self, patches: &[Texel], straight: &[Rgb], reflected: &[Rgb]) -> (Vec<Rgb>, Rgb) {
+        let count = patches.len();
+        let mut light: [Vec<f32>; 3] = [0, 1, 2].map(|_| vec![0.0; count]);
+        // From the last reflection to the first: F ρ (x₁ + F ρ (x₂ + ...)).
+        for k in (1..self.bounces.min(MOST_RESPONSES)).rev() {
+            let shown = [0, 1, 2].map(|c| {
+                let part = self.part(c, k);
+                let of = |j: usize| {
+                    let change = straight[j][c] + part * reflected[j][c] + f64::from(light[c][j]);
+                    (patches[j].albedo[c] * change) as f32
+                };
+                (0..count).map(of).collect::<Vec<f32>>()
+            });
+            if k == 1 {
+                let at = |row: &[f32]| [0, 1, 2].map(|c| product(row, &shown[c]));
+                let texels = self.gather.par_chunks(count).map(at).collect();
+                return (texels, self.mean(patches, &shown));
+            }
+            for (out, shown) in light.iter_mut().zip(&shown) {
+                let rows = self.factors.par_chunks(count);
+                rows.zip(out).for_each(|(row, out)| *out = product(row, shown) as f32);
+            }
+        }
+        (vec![[0.0; 3]; self.gather.len() / count.max(1)], [0.0; 3])
+    }
+
+    /// The part of the reflected light of which k further reflections count: that of which few enough were before.
+    fn part(&self, channel: usize, k: u32) -> f64 {
+        let rho = self.albedo[channel];
+        let sum = |orders: u32| (0..orders).map(|j| rho.powi(j as i32)).sum::<f64>();
+        let all = self.bounces.saturating_sub(1).max(1);
+        sum(all.saturating_sub(k)) / sum(all)
+    }
+
+    /// Mean irradiance that patches with these radiosities give each other.
+    fn mean(&self, patches: &[Texel], shown: &[Vec<f32>; 3]) -> Rgb {
+        let area: f64 = patches.iter().map(|patch| patch.area).sum();
+        let of = |c: usize| patches.iter().zip(&shown[c]).map(|(p, s)| p.area * f64::from(*s)).sum::<f64>() / area;
+        [0, 1, 2].map(of)
     }
 }
 
@@ -133,6 +193,20 @@ fn front(patches: &[Texel], shown: &[Rgb]) -> Rgb {
         (0..3).for_each(|c| sum[c] += patch.area * shown[c]);
     }
     sum.map(|c| c / area)
+}
+
+/// Σ a b, in as many lanes as processors have.
+pub(super) fn product(a: &[f32], b: &[f32]) -> f64 {
+    const LANES: usize = 16;
+    let mut sums = [0.0_f32; LANES];
+    for (a, b) in a.chunks_exact(LANES).zip(b.chunks_exact(LANES)) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += a * b;
+        }
+    }
+    let whole = a.len() / LANES * LANES;
+    let rest: f32 = a[whole..].iter().zip(&b[whole..]).map(|(a, b)| a * b).sum();
+    f64::from(sums.iter().sum::<f32>() + rest)
 }
 
 /// Σ factor · radiance

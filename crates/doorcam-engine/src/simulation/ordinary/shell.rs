@@ -64,7 +64,7 @@ const UNDERSIDE: usize = 5;
 impl Shell {
     pub(super) fn new(scenario: &Scenario) -> Self {
         let room = scenario.room;
-        let RoomSpec { half_width_m: w, depth_m: d, ceiling_m: h, albedo } = room;
+        let RoomSpec { half_width_m: w, depth_m: d, ceiling_m: h, albedo, .. } = room;
         let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
         let plain =
             |origin, along, up, normal, size, albedo| Surface { origin, along, up, normal, albedo, seen: None, size };

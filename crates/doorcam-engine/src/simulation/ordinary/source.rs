@@ -336,7 +336,7 @@ impl Tile {
                 let plane = cross(a, b);
                 let foot = [0, 1, 2].map(|k| corner[k] - place[k]);
                 let distance = dot(foot, plane) / dot(towards, plane);
-                if !(distance > 0.0) {
+                if distance.is_nan() || distance <= 0.0 {
                     return (0.0, false);
                 }
                 let hit = [0, 1, 2].map(|k| distance * towards[k] - foot[k]);

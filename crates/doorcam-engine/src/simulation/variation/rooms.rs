@@ -179,7 +179,7 @@ fn bulbs(scenario: &mut Scenario, draw: &mut Draw) -> String {
 }
 
 fn television(scenario: &mut Scenario, draw: &mut Draw) {
-    let (wide, depth) = (scenario.room.half_width_m, scenario.room.depth_m);
+    let depth = scenario.room.depth_m;
     let wall = draw.pick(&[WallName::Left, WallName::Right]);
     let half = draw.between(0.4, 0.6);
     let middle = draw.between(0.8 + half, depth - half - 0.2).min(depth - half);
@@ -198,7 +198,6 @@ fn television(scenario: &mut Scenario, draw: &mut Draw) {
     if scenario.window.iter().any(on_window) {
         scenario.television[0].wall = if wall == WallName::Left { WallName::Right } else { WallName::Left };
     }
-    debug_assert!(wide > 0.0);
 }
 
 /// Shelves and sofas along the walls, and a table.

@@ -17,7 +17,7 @@ const FROM_WALL_M: f64 = 0.4;
 const BEHIND_WALL_M: f64 = 0.45;
 /// Walks that are tried for a person, and times that all people are tried together.
 const TRIES: usize = 300;
-const ROUNDS: usize = 12;
+const ROUNDS: u32 = 16;
 /// Steps at which walks are compared, in seconds.
 const STEP_S: f64 = 0.05;
 /// Shares of people with limbs, in clothes that are dark or like a wall, and who are there from the first frame on.
@@ -40,7 +40,9 @@ pub(super) fn people(scenario: &mut Scenario, draw: &mut Draw, wanted: Option<us
             scenario.furniture.clear();
         }
         scenario.person.clear();
-        let whole = (0..count).all(|_| one(scenario, draw));
+        // The longer it takes, the shorter people stay.
+        let hurry = f64::from(round) / f64::from(ROUNDS);
+        let whole = (0..count).all(|_| one(scenario, draw, hurry));
         if whole {
             return count;
         }
@@ -49,10 +51,10 @@ pub(super) fn people(scenario: &mut Scenario, draw: &mut Draw, wanted: Option<us
 }
 
 /// Adds somebody whose walk is free; false if none is found.
-fn one(scenario: &mut Scenario, draw: &mut Draw) -> bool {
+fn one(scenario: &mut Scenario, draw: &mut Draw, hurry: f64) -> bool {
     let others: Vec<Walk> = scenario.person.iter().map(Scenario::walk).collect();
     for _ in 0..TRIES {
-        let walk = stroll(scenario, draw);
+        let walk = stroll(scenario, draw, hurry);
         let path = Walk { waypoints: walk.iter().map(|&(t, x, y)| (t, [x, y])).collect(), period_s: None };
         if is_free(scenario, &path, &others) {
             let somebody = dressed(scenario, draw, walk);
@@ -64,7 +66,7 @@ fn one(scenario: &mut Scenario, draw: &mut Draw) -> bool {
 }
 
 /// A walk from place to place; most come in through a side wall and leave through one.
-fn stroll(scenario: &Scenario, draw: &mut Draw) -> Vec<(f64, f64, f64)> {
+fn stroll(scenario: &Scenario, draw: &mut Draw, hurry: f64) -> Vec<(f64, f64, f64)> {
     let room = &scenario.room;
     let end = scenario.duration_s - scenario.background_s - super::GONE_S;
     let wide = room.half_width_m - FROM_WALL_M;
@@ -76,11 +78,14 @@ fn stroll(scenario: &Scenario, draw: &mut Draw) -> Vec<(f64, f64, f64)> {
     };
     let gate =
         |draw: &mut Draw| -> Point { [draw.sign() * (room.half_width_m + BEHIND_WALL_M), draw.between(0.8, deep)] };
-    let there = draw.chance(THERE);
+    let there = draw.chance(THERE) && hurry == 0.0;
+    let stays = end * (1.0 - 0.7 * hurry);
+    let starts = if there { 0.0 } else { draw.between(0.0, 2.0 + (end - stays)) };
+    let end = if there { end } else { end.min(starts + stays) };
     let speed = draw.between(0.4, 1.1);
     let mut way: Vec<(f64, f64, f64)> = Vec::new();
     let mut at = if there { place(draw) } else { gate(draw) };
-    let mut time = if there { 0.0 } else { draw.between(0.0, 2.0) };
+    let mut time = starts;
     way.push((time, at[0], at[1]));
     loop {
         let pace = speed * draw.between(0.8, 1.2);
