@@ -1,4 +1,4 @@
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use super::super::figure::Part;
 use super::super::visible::Body;
@@ -8,8 +8,9 @@ use doorcam_core::scene::Rgb;
 /// Numbers of directions and heights for which the light on a person is calculated; it is interpolated between them.
 pub(super) const AROUND: usize = 16;
 pub(super) const UP: usize = 8;
-/// The rounded end of a limb hides as much as a blunt one that is longer by this part of its radius.
-const END: f64 = PI / 4.0;
+/// The rounded end of a limb, which mostly lies in the next one, hides as much as a blunt one that is longer by this part
+/// of its radius.
+const END: f64 = 0.5;
 /// Height of the head of a person without limbs, and its radius, in metres.
 const HEAD_HEIGHT_M: f64 = 0.25;
 const HEAD_RADIUS_M: f64 = 0.09;
@@ -47,8 +48,8 @@ impl Person {
         for (capsule, albedo) in body.capsules() {
             let (a, b, r) = (capsule.from, capsule.to, capsule.radius);
             let across = (b[0] - a[0]).hypot(b[1] - a[1]);
-            // Steps of at most two thirds of the limb's radius.
-            let count = ((1.5 * across / r).ceil() as usize).clamp(1, 5);
+            // Steps of at most half of the limb's radius, as far as possible.
+            let count = ((2.0 * across / r).ceil() as usize).clamp(1, 6);
             for k in 0..count {
                 let at = |share: f64| [0, 1, 2].map(|c| a[c] + share * (b[c] - a[c]));
                 let (from, to) = (at(k as f64 / count as f64), at((k + 1) as f64 / count as f64));
