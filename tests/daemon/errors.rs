@@ -73,7 +73,8 @@ fn an_unknown_key_or_bad_value_of_the_configuration_is_refused() {
     let file = dir.path().join("my.toml");
     let path = file.to_str().unwrap();
     std::fs::write(&file, "[solver]\nlambda = 0.1\n\n[room]\nwidth = 3\n").unwrap();
-    let expected = format!("doorcam: {path}: line 5: unknown field `width`, expected `half_width_m` or `depth_m`");
+    let expected =
+        format!("doorcam: {path}: line 5: unknown field `width`, expected one of `half_width_m`, `depth_m`, `lights`");
     assert_eq!(failure(&["check-config", path]), expected);
     let recording = grey_recording(&manifest(), 3);
     assert_eq!(failure(&["reconstruct", recording.path().to_str().unwrap(), "--config", path]), expected);

@@ -201,7 +201,7 @@ fn the_list_has_each_scenario_in_a_line() {
     let output = run(&["simulate", "--list"]);
     assert_eq!(output.status.code(), Some(0));
     let list = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(list.lines().count(), 13);
+    assert_eq!(list.lines().count(), 14);
     assert!(list.lines().any(|line| line.starts_with("two-crossing ") && line.contains("cross twice")), "{list}");
 }
 

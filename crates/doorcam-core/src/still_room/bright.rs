@@ -64,11 +64,26 @@ fn usual(surfaces: &Surfaces, radiance: &[Rgb]) -> [f64; 2] {
 /// What is brighter than this many times the median counts as excess: walls are lit unevenly.
 const MARGIN: f64 = 1.5;
 
+/// Directions nearer to the doorway's wall than this, in radians, as those for which there is no facet of the map: few
+/// floor points see them, and what the fit finds there is light of the visible side that changes along the wall.
+const GRAZING: f64 = std::f64::consts::PI / 8.0;
+
+/// Whether a piece of a wall is seen in a grazing direction.
+fn is_grazing(surfaces: &Surfaces, piece: usize) -> bool {
+    let strip = piece / BANDS;
+    let (place, along) = surfaces.at(0.5 * (surfaces.start(strip) + surfaces.start(strip + 1)));
+    matches!(place, Place::LeftWall | Place::RightWall) && along < surfaces.room().half_width_m * GRAZING.tan()
+}
+
 /// The part of each piece's radiance by which it is brighter than usual.
 pub(super) fn excess(surfaces: &Surfaces, radiance: &[Rgb]) -> Vec<Rgb> {
     let [wall, ceiling] = usual(surfaces, radiance);
     let part = |(piece, rgb): (usize, &Rgb)| {
-        let usual = if piece < surfaces.of_walls() { wall } else { ceiling };
+        let of_wall = piece < surfaces.of_walls();
+        if of_wall && is_grazing(surfaces, piece) {
+            return [0.0; 3];
+        }
+        let usual = if of_wall { wall } else { ceiling };
         let share = (1.0 - MARGIN * usual / grey(rgb).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         rgb.map(|radiance| share * radiance)
     };
@@ -84,7 +99,9 @@ pub(super) fn find(surfaces: &Surfaces, radiance: &[Rgb]) -> Vec<BrightThing> {
     let [wall, ceiling] = usual(surfaces, radiance);
     let walls = surfaces.of_walls();
     let usual = |piece: usize| if piece < walls { wall } else { ceiling };
-    let is_bright = |piece: usize| grey(&radiance[piece]) > BRIGHTER * usual(piece).max(f64::MIN_POSITIVE);
+    let is_told = |piece: usize| piece >= walls || !is_grazing(surfaces, piece);
+    let is_bright =
+        |piece: usize| is_told(piece) && grey(&radiance[piece]) > BRIGHTER * usual(piece).max(f64::MIN_POSITIVE);
     let mut things = Vec::new();
     for band in 0..BANDS {
         let up_m = [
