@@ -6,7 +6,7 @@ import { TYPICAL } from "./points.js";
 /** @import { Transfer } from "../types.js" */
 /** @import { Draft } from "./points.js" */
 
-/** @typedef {Extract<keyof Draft["door"], string>} DoorKey */
+/** @typedef {Exclude<keyof Draft["door"], "leaf">} DoorKey */
 
 /** @type {[DoorKey, string, FieldRule][]} */
 const DOOR = [

@@ -215,7 +215,7 @@ mod tests {
             bound.covariance(place, [0.05; 3]).map_or(f64::INFINITY, |[[xx, _], [_, yy]]| (xx + yy).sqrt())
         };
         let with = Doorway { leaf, ..open };
-        let [behind, beside] = [[-0.9, 2.2], [0.9, 2.2]];
+        let [behind, beside] = [[-1.2, 1.5], [1.2, 1.5]];
         assert!((error(open, behind) / error(open, beside) - 1.0).abs() < 1e-3, "the room is symmetric");
         assert!(error(with, behind) > 2.0 * error(open, behind), "{} {}", error(with, behind), error(open, behind));
         assert!(error(with, beside) < 1.1 * error(open, beside), "{} {}", error(with, beside), error(open, beside));
