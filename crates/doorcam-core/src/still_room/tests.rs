@@ -207,3 +207,23 @@ fn an_evenly_lit_room_has_nothing_bright_and_a_dark_one_is_no_room() {
     let empty = Empty { doorway: &DOOR, room: ROOM, patch: &PATCH, fans: &fans, picture: &dark, floors: &floors };
     assert_eq!(StillRoom::fit(&empty), None);
 }
+
+#[test]
+fn light_along_the_doorways_wall_is_no_window() {
+    let surfaces = Surfaces::new(ROOM);
+    let lit_to = |farthest_m: f64| {
+        let radiance: Vec<Rgb> = (0..surfaces.pieces())
+            .map(|piece| {
+                let strip = (piece / BANDS).min(surfaces.strips() - 1);
+                let (place, y) = surfaces.at(0.5 * (surfaces.start(strip) + surfaces.start(strip + 1)));
+                let lit = piece < surfaces.of_walls() && place == Place::RightWall && y < farthest_m;
+                [if lit { 5.0 } else { 0.1 }; 3]
+            })
+            .collect();
+        let excess = super::bright::excess(&surfaces, &radiance).iter().filter(|rgb| rgb[1] > 0.0).count();
+        (excess, super::bright::find(&surfaces, &radiance).len())
+    };
+    assert_eq!(lit_to(0.6), (0, 0));
+    let (excess, found) = lit_to(1.6);
+    assert!(excess > 0 && found > 0);
+}
