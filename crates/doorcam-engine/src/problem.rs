@@ -66,6 +66,8 @@ const FRAMES: f64 = 1000.0;
 /// Least size of the room whose walls people hide, in metres: half its width, and its depth. People are often looked for in
 /// a part of the room only, and for what they hide only directions matter much.
 const LEAST_ROOM_M: [f64; 2] = [2.0, 4.0];
+/// Its largest size, in the same way: the work of finding what it looks like grows with the cube of its surface.
+const LARGEST_ROOM_M: [f64; 2] = [3.0, 6.0];
 /// How far beyond the known walls those are thought to be at least, in metres.
 const BEYOND_M: f64 = 0.2;
 /// One of this many floors may have a texture that shows something when a lamp of the visible side changes.
@@ -235,15 +237,17 @@ fn signed_projection(
     Projection::new(transport, &Pixels { weights: weights.clone(), albedo }, &nuisance, Columns::UnitNorm)
 }
 
+/// Where the walls of the still room are thought to be, if the map covers `mapped`.
+fn walls(mapped: Room) -> Room {
+    let beyond = |k: usize, length: f64| (length + BEYOND_M).clamp(LEAST_ROOM_M[k], LARGEST_ROOM_M[k]);
+    Room { half_width_m: beyond(0, mapped.half_width_m), depth_m: beyond(1, mapped.depth_m) }
+}
+
 /// What the hidden room looks like in the picture of the empty floor.
 fn still_room(model: &Model, empty: &PatchPair, floors: &[Floor; 2]) -> Option<StillRoom> {
-    let Room { half_width_m, depth_m } = model.grid.room;
     StillRoom::fit(&Empty {
         doorway: &model.doorway,
-        room: Room {
-            half_width_m: (half_width_m + BEYOND_M).max(LEAST_ROOM_M[0]),
-            depth_m: (depth_m + BEYOND_M).max(LEAST_ROOM_M[1]),
-        },
+        room: walls(model.grid.room),
         patch: &model.patch,
         fans: &model.fans,
         picture: empty,
@@ -351,4 +355,20 @@ fn noise_colour(model: &Model, transport: &Transport, frames: &[&PatchPair]) -> 
     // All of a few frames may be quiet by chance.
     let margin = 1.0 + 1.0 / (maxima.len().max(1) as f64).sqrt();
     Some((margin * median / white_noise_reach(&projection).mean).max(1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn however_large_the_mapped_room_is_the_still_one_stays_small() {
+        let of = |half_width_m: f64, depth_m: f64| {
+            let Room { half_width_m, depth_m } = walls(Room { half_width_m, depth_m });
+            [half_width_m, depth_m]
+        };
+        assert_eq!(of(0.5, 1.0), LEAST_ROOM_M);
+        assert_eq!(of(2.5, 5.0), [2.7, 5.2]);
+        assert_eq!(of(100.0, 100.0), LARGEST_ROOM_M);
+    }
 }
