@@ -17,9 +17,9 @@ const ELEVATIONS: usize = 12;
 /// hide or show.
 const STEP: f64 = 0.01;
 const MOST_STEPS: usize = 6;
-const STEPS: usize = 3;
+const STEPS: usize = 2;
 /// Breaks nearer to each other than this are one, in radians.
-const SAME: f64 = 0.003;
+const SAME: f64 = 0.005;
 /// Elevations at which a glossy floor's view of a source is sampled.
 const GLOSSY: usize = 5;
 

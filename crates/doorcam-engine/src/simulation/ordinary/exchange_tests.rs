@@ -263,3 +263,28 @@ fn a_television_flickers_as_its_seed_says_and_everything_else_holds_still() {
     assert_eq!(levels(3.0, 1)[..2], [1.0, 1.0]);
     assert_eq!(light.levels(1.0, None, 1), [1.0; 3]);
 }
+
+/// As docs/simulator.md defines it for the truth: not what only the floor before the opening sees.
+#[test]
+fn the_floor_beside_the_edges_sees_a_window_but_no_lamp_on_the_doorways_own_wall() {
+    let lamp =
+        |x: f64| format!("[[lamp]]\nkind = \"bulb\"\nat_m = [{x}, 0.15, 2.2]\nradius_m = 0.1\nrgb = [1, 1, 1]\n");
+    let mut scenario = black(&format!("{}{}", lamp(1.25), lamp(-1.25)));
+    scenario.ordinary = true;
+    let albedo = &mut scenario.room.albedo;
+    (albedo.left, albedo.back, albedo.right, albedo.ceiling) = ([0.6; 3], [0.6; 3], [0.6; 3], [0.8; 3]);
+    for thickness in [0.15, 0.28] {
+        scenario.doorway.wall_thickness_m = thickness;
+        let all = |scenario: &Scenario| {
+            let floor = FloorMap::new(scenario.doorway);
+            let grid =
+                (0..60).flat_map(|i| (0..20).map(move |j| [f64::from(i) * 0.03 - 0.9, f64::from(j) * -0.03 - 0.3]));
+            let taps: Vec<Tap> = grid.flat_map(|place| floor.taps(place)).collect();
+            OrdinaryLight::new(scenario, floor, taps.into_iter())
+        };
+        assert!(!all(&scenario).sees_a_source(), "{thickness}");
+        let mut lit = black(WINDOW);
+        lit.doorway.wall_thickness_m = thickness;
+        assert!(all(&lit).sees_a_source(), "{thickness}");
+    }
+}

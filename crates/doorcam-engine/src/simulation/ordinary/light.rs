@@ -3,7 +3,7 @@ use std::f64::consts::PI;
 use rayon::prelude::*;
 
 use super::super::figure::Part;
-use super::super::floor::{FloorMap, Tap};
+use super::super::floor::{FloorMap, FloorNode, Tap};
 use super::super::lamp::hidden_by_part;
 use super::super::room::Vector;
 use super::super::scenario::Scenario;
@@ -14,15 +14,15 @@ use super::radiosity::{BOUNCES, Exchange, on_place};
 use super::shell::{Shell, Texel};
 use super::solid::blocked;
 use super::source::{self, Source, Tile};
-use doorcam_core::geometry::{Doorway, Point};
+use doorcam_core::geometry::Doorway;
 use doorcam_core::scene::Rgb;
 
 /// How far beside and in front of the opening somebody on the visible side may stand in its light, in metres.
 const VISIBLE_M: f64 = 2.0;
 /// The floor is watched up to this far beside and before the edges, in metres, and sees a source if more than this part
-/// of that source's light comes straight from it.
+/// of that source's light there comes straight from it: not just a corner at the foot of a thin wall.
 const WATCHED_M: f64 = 0.3;
-const SEEN: f64 = 0.02;
+const SEEN: f64 = 0.05;
 /// Pieces up each part of a person between which and the walls light is exchanged.
 const PIECES: usize = 3;
 
@@ -100,22 +100,32 @@ impl OrdinaryLight {
             })
             .collect();
         light.transport = transport;
+        let mut sums = vec![[0.0; 2]; light.sources.len()];
         for (k, of_node) in all.into_iter().enumerate() {
-            let beside = light.is_beside(light.floor.nodes[k].at);
+            let area = light.area_beside(&light.floor.nodes[k]);
             for (source, (direct, value)) in of_node.into_iter().enumerate() {
                 let straight = direct * light.sources[source].radiance.iter().sum::<f64>();
-                light.seen |= beside && straight > SEEN * value.iter().sum::<f64>();
+                sums[source][0] += area * straight;
+                sums[source][1] += area * value.iter().sum::<f64>();
                 light.empty[source][k] = value;
             }
         }
+        light.seen = sums.into_iter().any(|[straight, all]| straight > SEEN * all);
         light
     }
 
-    /// Whether a floor point is beside an edge, where it is watched.
-    fn is_beside(&self, [x, y]: Point) -> bool {
-        let beside = x.abs() - self.doorway.half_width();
-        let before = -self.doorway.wall_thickness_m - y;
-        (0.01..WATCHED_M).contains(&beside) && (0.01..WATCHED_M).contains(&before)
+    /// What a node stands for of the floor beside the edges that is watched, relative to others: nodes are the denser the
+    /// nearer to an edge's foot. Nothing for those that do not see what the floor sees there: some nodes look past the
+    /// hidden face only, for what is between them before the opening.
+    fn area_beside(&self, node: &FloorNode) -> f64 {
+        let [x, y] = node.at;
+        let (half, thickness) = (self.doorway.half_width(), self.doorway.wall_thickness_m);
+        let (beside, before) = (x.abs() - half, -thickness - y);
+        let face = |side: f64| if x * side > 0.0 { -thickness } else { 0.0 };
+        let edge = |side: f64| (side * half - x).atan2(face(side) - y);
+        let looks = [edge(-1.0), edge(1.0)].iter().zip(node.azimuths).all(|(edge, cut)| (edge - cut).abs() < 1e-9);
+        let watched = (0.0..WATCHED_M).contains(&beside) && (0.0..WATCHED_M).contains(&before);
+        if looks && watched { beside.hypot(before) } else { 0.0 }
     }
 
     /// Whether the floor beside the edges sees a lamp, a window or a television itself.
