@@ -1,4 +1,4 @@
-use jiff::Timestamp;
+use jiff::{SignedDuration, Timestamp};
 use serde::Serialize;
 
 use crate::watch::{CrossingsReport, Hub, Watching};
@@ -29,7 +29,37 @@ struct Tracks<'a> {
     tracks: &'a [Track],
 }
 
+/// How long after both patches were covered, mostly by somebody who walks through, what was known still counts.
+const HELD: SignedDuration = SignedDuration::from_secs(30);
+
+/// Whether values about the room are known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Knowledge {
+    /// They are current.
+    Current,
+    /// Those of a moment ago still count.
+    Held,
+    /// Nothing is known.
+    Nothing,
+}
+
+impl Knowledge {
+    /// What is known at a time.
+    fn of(watching: &Watching, now: Timestamp) -> Self {
+        match watching.state {
+            State::Watching => Self::Current,
+            State::Obstructed if now.duration_since(watching.since) < HELD => Self::Held,
+            _ => Self::Nothing,
+        }
+    }
+}
+
 impl Facts {
+    /// Whether what is said about the room is known now.
+    pub(super) fn knowledge(&self) -> Knowledge {
+        Knowledge::of(&self.watching, Timestamp::now())
+    }
+
     /// The present facts.
     pub(super) fn of(hub: &Hub) -> Self {
         let latest = hub.latest();
@@ -65,5 +95,23 @@ impl Facts {
     /// Whether doorcam is watching, as JSON, as in the status.
     pub(super) fn watching_json(&self) -> String {
         serde_json::to_string(&self.watching).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_known_counts_for_a_moment_while_the_patches_are_covered() {
+        let since = Timestamp::UNIX_EPOCH;
+        let after = |state: State, seconds: i64| {
+            let watching = Watching { watching: state == State::Watching, reason: None, since, until: None, state };
+            Knowledge::of(&watching, since + SignedDuration::from_secs(seconds))
+        };
+        assert_eq!(after(State::Watching, 9999), Knowledge::Current);
+        assert_eq!(after(State::Obstructed, 5), Knowledge::Held);
+        assert_eq!(after(State::Obstructed, 31), Knowledge::Nothing);
+        assert_eq!(after(State::Misaligned, 0), Knowledge::Nothing);
     }
 }

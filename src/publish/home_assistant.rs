@@ -17,7 +17,7 @@ pub(super) struct Announcement {
 
 /// The announcements of occupancy and number of people in the room and in each zone, as entities of one device.
 pub(super) fn announcements(prefix: &str, topics: &Topics, name: &str, zones: &[String]) -> Vec<Announcement> {
-    let entity = Entity { prefix, topics, device: name, known: watching(topics) };
+    let entity = Entity { prefix, topics, device: name, known: json!({"topic": topics.known()}) };
     let room = [(String::new(), topics.occupancy(None), topics.count(None), String::new())];
     let zones = zones.iter().enumerate().map(|(k, zone)| {
         (format!("_{}", topics.zone(k)), topics.occupancy(Some(k)), topics.count(Some(k)), format!("{zone} "))
@@ -49,7 +49,7 @@ pub(super) fn announcements(prefix: &str, topics: &Topics, name: &str, zones: &[
 
 /// The announcements of how much of each patch shows the floor, as entities of the same device.
 pub(super) fn view_announcements(prefix: &str, topics: &Topics, name: &str) -> Vec<Announcement> {
-    let entity = Entity { prefix, topics, device: name, known: watching(topics) };
+    let entity = Entity { prefix, topics, device: name, known: judged(topics) };
     let view = |side: Side| {
         let payload = json!({
             "name": format!("View on the {}", side.name()),
@@ -109,9 +109,8 @@ pub(super) fn crossing(event: &Event) -> String {
     serde_json::to_string(&Crossing { event_type: event.kind.name(), event }).unwrap_or_default()
 }
 
-/// Nothing is known about the room while its map cannot be trusted. While the patches are covered, mostly for the moment
-/// in which somebody walks through, what was known stays.
-fn watching(topics: &Topics) -> Value {
+/// The patches are judged while there is a map, and while they are covered.
+fn judged(topics: &Topics) -> Value {
     let template = "{{ 'online' if value in ['watching', 'obstructed'] else 'offline' }}";
     json!({"topic": topics.state(), "value_template": template})
 }

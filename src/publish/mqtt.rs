@@ -9,7 +9,7 @@ use tokio::time::{interval, timeout};
 
 use super::broker::{MqttReport, Settings};
 use super::connection::{HEALTHY, Lost, News, keep_connected};
-use super::facts::Facts;
+use super::facts::{Facts, Knowledge};
 use super::home_assistant::{Announcement, announcements, crossing, crossing_announcements, view_announcements};
 use super::lock;
 use super::neighbours::{Neighbours, Todo, presence};
@@ -17,7 +17,6 @@ use super::topics::Topics;
 use crate::watch::{CrossingsReport, Hub};
 use doorcam_core::geometry::Side;
 use doorcam_core::tracking::{Direction, Event};
-use doorcam_engine::State;
 
 /// Shortest time between two messages with tracks.
 const TRACKS: Duration = Duration::from_millis(500);
@@ -350,9 +349,8 @@ impl Session<'_> {
         self.introduced = self.introduced || self.introduce();
         self.tell_state(&facts);
         let zones = facts.zones.iter().enumerate().map(|(zone, &people)| (Some(zone), people));
-        // Nobody can be seen to come or go while the patches are covered, mostly by somebody who walks through: whoever
-        // was there stays until they are free again.
-        let holds = facts.watching.state == State::Obstructed;
+        // Nobody can be seen to come or go while the patches are covered.
+        let holds = facts.knowledge() == Knowledge::Held;
         for (zone, people) in std::iter::once((None, facts.people)).chain(zones) {
             if holds && self.told.contains_key(&topics.occupancy(zone)) {
                 continue;
@@ -389,6 +387,8 @@ impl Session<'_> {
     fn tell_state(&mut self, facts: &Facts) {
         self.retain(self.topics.state(), facts.watching.state.name().into());
         self.retain(self.topics.watching(), facts.watching_json());
+        let known = if facts.knowledge() == Knowledge::Nothing { "offline" } else { "online" };
+        self.retain(self.topics.known(), known.into());
     }
 
     fn tell_events(&mut self) {

@@ -45,6 +45,11 @@ impl Topics {
         format!("{}/watching", self.root)
     }
 
+    /// Topic that tells whether the values about the room are known: `online` or `offline`.
+    pub(super) fn known(&self) -> String {
+        format!("{}/known", self.root)
+    }
+
     /// Topic that tells which doorcam publishes below this root.
     pub(super) fn instance(&self) -> String {
         format!("{}/instance", self.root)
@@ -90,7 +95,7 @@ impl Topics {
         let places = std::iter::once(None).chain((0..self.zones()).map(Some));
         let places = places.flat_map(|zone| [self.occupancy(zone), self.count(zone)]);
         let crossings = Direction::ALL.map(|direction| self.crossed(direction));
-        let doorway = [self.availability(), self.state(), self.watching(), self.instance()];
+        let doorway = [self.availability(), self.state(), self.watching(), self.known(), self.instance()];
         let views = Side::BOTH.map(|side| self.view(side));
         places.chain(doorway).chain(crossings).chain([self.crossings(), self.inside()]).chain(views)
     }

@@ -172,6 +172,7 @@ fn a_broker_knows_who_is_there_and_that_doorcam_died() {
     // Later subscribers find the values, and Home Assistant its entities.
     let kept = retained(port);
     assert_eq!(kept["doorcam/hall/availability"], "online");
+    assert_eq!(kept["doorcam/hall/known"], "online");
     assert!(!kept.contains_key("doorcam/hall/tracks") && !kept.contains_key("doorcam/hall/events"));
     let entities: Vec<(&String, Value)> = kept
         .iter()
@@ -358,6 +359,7 @@ fn the_end_of_a_source_is_told_without_a_frame() {
     subscriber.wait_for("a map", |topic, payload| (topic, payload) == ("doorcam/hall/state", "watching"));
     subscriber.wait_for("the end", |topic, payload| (topic, payload) == ("doorcam/hall/state", "stale"));
     let (_, _, told) = subscriber.wait_for("the reason", |topic, _| topic == "doorcam/hall/watching");
+    subscriber.wait_for("unknown", |topic, payload| (topic, payload) == ("doorcam/hall/known", "offline"));
     let told: Value = serde_json::from_str(&told).unwrap();
     assert_eq!((&told["watching"], &told["reason"]), (&false.into(), &"ended".into()));
     assert_eq!(told, daemon.json("/api/v1/status")["watching"], "the same as everywhere");
