@@ -1,9 +1,11 @@
 //! Whether doorcam is watching: every place that says it says the same, and it changes with time alone.
 
+use std::net::TcpStream;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
+use tungstenite::{Message, WebSocket};
 
 use crate::common::{Daemon, JPEG, grey_recording, manifest};
 
@@ -18,7 +20,7 @@ fn agreed(daemon: &Daemon) -> Value {
         let metrics = String::from_utf8(daemon.get("/metrics").1).unwrap();
         let [tracks, zones] = ["tracks", "zones"].map(|path| daemon.json(&format!("/api/v1/{path}")));
         let reconstruction = daemon.get("/api/v1/reconstruction");
-        let first_live = (before["last_update"] != Value::Null).then(|| daemon.live().read().unwrap());
+        let first_live = (before["last_update"] != Value::Null).then(|| first_text(&mut daemon.live()));
         let after = daemon.json("/api/v1/status");
         let told = &before["watching"];
         if *told != after["watching"] {
@@ -51,10 +53,19 @@ fn agreed(daemon: &Daemon) -> Value {
             assert_eq!(update["state"], state, "an old update does not look like one of now");
         }
         if let Some(first) = first_live {
-            let update: Value = serde_json::from_str(first.to_text().unwrap()).unwrap();
+            let update: Value = serde_json::from_str(&first).unwrap();
             assert_eq!(update["state"], state, "nor on the live socket");
         }
         return before;
+    }
+}
+
+/// The first message with text; a ping may come before it.
+fn first_text(socket: &mut WebSocket<TcpStream>) -> String {
+    loop {
+        if let Message::Text(text) = socket.read().unwrap() {
+            return text.to_string();
+        }
     }
 }
 

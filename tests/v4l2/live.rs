@@ -39,6 +39,8 @@ fn guest_a_calibrated_camera_makes_a_map_and_goes_on_after_a_restart() {
 
     let files = std::fs::read_dir(kept.path().join("kept")).unwrap();
     let mut files: Vec<String> = files.map(|f| f.unwrap().file_name().into_string().unwrap()).collect();
+    // The reference picture of the alignment comes when it has seen enough, on a slow machine before this.
+    files.retain(|file| file != "reference.bin");
     files.sort();
     assert_eq!(files, ["background.bin", "calibration.json", "controls.json", "history.sqlite", "history.sqlite-lock"]);
     let began = Instant::now();

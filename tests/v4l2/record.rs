@@ -165,7 +165,8 @@ fn guest_record_goes_on_when_the_camera_is_back() {
     only_inside!();
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("vivid");
-    let (mut command, _kept) = recorder("v4l2:/dev/video0", SMALL, [320, 180], &out, &["--seconds", "7"]);
+    // A number of frames, not of seconds: a slow machine must not end before the camera goes.
+    let (mut command, _kept) = recorder("v4l2:/dev/video0", SMALL, [320, 180], &out, &["--frames", "60"]);
     let child = command.stderr(Stdio::piped()).spawn().unwrap();
     wait_for_file(&out.join("frames/00000025.png"));
     vivid_is(false);
@@ -177,10 +178,9 @@ fn guest_record_goes_on_when_the_camera_is_back() {
     assert_eq!(output.status.code(), Some(0), "{said}");
     assert!(said.contains("unplugged; waiting for it to come back"), "{said}");
     let recording = Recording::open(&out).unwrap();
-    let pauses: Vec<f64> =
-        recording.frames.windows(2).map(|w| w[1].seconds - w[0].seconds).filter(|&s| s > 0.9).collect();
-    assert!(pauses.len() == 1 && pauses[0] < 4.0, "one pause, as long as the camera was away: {pauses:?}");
-    assert!(recording.frames.last().unwrap().seconds > 6.5);
+    let pause = recording.frames.windows(2).map(|w| w[1].seconds - w[0].seconds).fold(0.0, f64::max);
+    assert!(pause > 0.9, "the recording's clock goes on while the camera is away: {pause}");
+    assert!(recording.frames.len() >= 60, "{}", recording.frames.len());
 }
 
 #[test]

@@ -21,8 +21,13 @@ pub enum Averaging {
 
 /// Most frames that a boxcar holds; a limit on memory.
 const MOST: usize = 256;
-/// A pause between frames restarts the average if it is longer than this many seconds and than the averaging time.
+/// A pause between frames restarts the average if it is longer than this many seconds, than the averaging time, and than
+/// [`PAUSE`] usual intervals.
 const GAP_S: f64 = 1.0;
+/// A pause is longer than this many usual intervals: a slow or busy camera's frames come unevenly, but none is missing.
+const PAUSE: f64 = 4.0;
+/// Number of intervals from which the usual one is known.
+const INTERVALS: usize = 9;
 /// Relative change of a patch's total light between frames that restarts the average. Nobody walking can cause it.
 const JUMP: f64 = 0.05;
 
@@ -47,7 +52,9 @@ pub struct Averager {
     count: u64,
     /// Variance of the average for frames of unit variance.
     variance: f64,
-    /// Smoothed seconds between frames, pauses excluded; `None` until known.
+    /// The last seconds between frames, in no particular order, and how many there have been.
+    intervals: ([f64; INTERVALS], usize),
+    /// Usual seconds between frames; `None` until known.
     rhythm_s: Option<f64>,
 }
 
@@ -71,6 +78,7 @@ impl Averager {
             last: None,
             count: 0,
             variance: 1.0,
+            intervals: ([0.0; INTERVALS], 0),
             rhythm_s: None,
         }
     }
@@ -122,7 +130,11 @@ impl Averager {
         }
         let light = light(pair);
         let step = self.last.map(|last| seconds - last.seconds);
-        let gap = step.is_none_or(|step| step <= 0.0 || step > self.time_s.max(GAP_S));
+        if let Some(step) = step.filter(|step| *step > 0.0) {
+            self.note_interval(step);
+        }
+        let usual = self.rhythm_s.unwrap_or(0.0);
+        let gap = step.is_none_or(|step| step <= 0.0 || step > self.time_s.max(GAP_S).max(PAUSE * usual));
         let jumped = self.last.is_some_and(|last| {
             light.iter().zip(last.light).any(|(now, before)| (now - before).abs() > JUMP * before.abs())
         });
@@ -133,10 +145,6 @@ impl Averager {
             self.spare.extend(self.frames.drain(..).map(|(_, pair)| pair));
             self.sums.iter_mut().for_each(|sums| sums.fill(0.0));
         }
-        if !gap {
-            // Smoothed against capture jitter.
-            self.rhythm_s = Some(self.rhythm_s.map_or(step, |rhythm| rhythm + 0.2 * (step - rhythm)));
-        }
         self.count += 1;
         match self.mode {
             Averaging::None => {}
@@ -145,6 +153,20 @@ impl Averager {
         }
         let excess = self.excess();
         (&self.mean, excess)
+    }
+
+    /// Learns the usual interval: the mean of the last ones without pauses.
+    fn note_interval(&mut self, step: f64) {
+        let (intervals, count) = &mut self.intervals;
+        intervals[*count % INTERVALS] = step;
+        *count += 1;
+        let mut sorted = *intervals;
+        let known = &mut sorted[..INTERVALS.min(*count)];
+        known.sort_by(f64::total_cmp);
+        let median = known[(known.len() - 1) / 2];
+        let usual = known.iter().filter(|step| **step <= PAUSE * median);
+        let (sum, number) = usual.fold((0.0, 0), |(sum, number), step| (sum + step, number + 1));
+        self.rhythm_s = Some(sum / f64::from(number.max(1)));
     }
 
     fn fade(&mut self, pair: &PatchPair, step: f64) {

@@ -35,6 +35,24 @@ fn noise_lambda(updates: &[Published]) -> f64 {
     all[all.len() / 2]
 }
 
+/// A busy or slow machine works on a frame every one or two seconds, unevenly.
+#[test]
+fn the_empty_room_is_learned_from_few_uneven_frames() {
+    for slowest_s in [0.4, 1.0, 2.0, 4.0] {
+        for (mode, time_s) in MODES {
+            let mut camera = Camera::new(&scenario(0.4, 2.0), &averaging(mode, time_s), 10.0);
+            let light = camera.renderer.empty().clone();
+            let mut seconds = 0.0;
+            let learned = (0..60_u64).find(|k| {
+                camera.frame = k + 1;
+                seconds += slowest_s * (0.5 + 0.5 * (k * 37 % 60) as f64 / 59.0);
+                camera.see_at(&light, seconds, Purpose::Live).update.state == State::Watching
+            });
+            assert!(learned.is_some(), "{mode:?}: not learned from 60 frames up to {slowest_s} s apart");
+        }
+    }
+}
+
 /// The least share by which a person must be darker than the wall behind to show in every frame of 1.5 s.
 fn faintest(camera: &mut Camera) -> f64 {
     let (dark, empty) = (camera.renderer.render(vec![person([0.2, 1.6])]), camera.renderer.empty().clone());

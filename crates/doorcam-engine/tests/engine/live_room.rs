@@ -84,7 +84,12 @@ impl Camera {
 
     pub fn see_as(&mut self, light: &PatchPair, purpose: Purpose) -> Published {
         self.frame += 1;
-        let frame = raw_frame(&self.scenario.sensor, light, self.frame, self.seconds(), purpose);
+        self.see_at(light, self.seconds(), purpose)
+    }
+
+    /// The update for a frame at some other time than the next regular one.
+    pub fn see_at(&mut self, light: &PatchPair, seconds: f64, purpose: Purpose) -> Published {
+        let frame = raw_frame(&self.scenario.sensor, light, self.frame, seconds, purpose);
         self.engine.step(&frame, Timestamp::UNIX_EPOCH).expect("an update")
     }
 
