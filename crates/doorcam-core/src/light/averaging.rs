@@ -162,7 +162,7 @@ impl Averager {
         *count += 1;
         let mut sorted = *intervals;
         let known = &mut sorted[..INTERVALS.min(*count)];
-        known.sort_by(f64::total_cmp);
+        known.sort_unstable_by(f64::total_cmp);
         let median = known[(known.len() - 1) / 2];
         let usual = known.iter().filter(|step| **step <= PAUSE * median);
         let (sum, number) = usual.fold((0.0, 0), |(sum, number), step| (sum + step, number + 1));

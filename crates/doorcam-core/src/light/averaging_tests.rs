@@ -82,7 +82,7 @@ fn no_average_mixes_what_is_before_and_after_a_gap_a_jump_or_a_restart() {
 #[test]
 fn slow_and_uneven_frames_are_no_pauses() {
     for mode in [Averaging::Exponential, Averaging::Boxcar] {
-        for (slowest_s, from) in [(0.6, 10), (1.6, 10), (5.0, 10), (30.0, 10)] {
+        for slowest_s in [0.6, 1.6, 5.0, 30.0] {
             let mut averager = Averager::new(mode, 0.5, SIZE);
             let mut seconds = 0.0;
             let mut full = 0;
@@ -90,7 +90,7 @@ fn slow_and_uneven_frames_are_no_pauses() {
                 // Between half of the slowest interval and all of it, in an order that looks random.
                 seconds += slowest_s * (0.5 + 0.5 * f64::from(k * 37 % 100) / 99.0);
                 let (_, excess) = averager.push(&filled(1.0), seconds);
-                full += usize::from(k >= from && excess == 1.0);
+                full += usize::from(k >= 10 && excess == 1.0);
             }
             assert!(full > 60, "{mode:?}, up to {slowest_s} s: {full} of 90 averages are full");
         }
