@@ -341,16 +341,17 @@ impl Session<'_> {
             self.rezone();
         }
         let facts = Facts::of(self.hub);
+        let knowledge = facts.knowledge();
         let topics = self.topics.clone();
         if !facts.watching.watching {
             // First of all: the values below are of before.
-            self.tell_state(&facts);
+            self.tell_state(&facts, knowledge);
         }
         self.introduced = self.introduced || self.introduce();
-        self.tell_state(&facts);
+        self.tell_state(&facts, knowledge);
         let zones = facts.zones.iter().enumerate().map(|(zone, &people)| (Some(zone), people));
         // Nobody can be seen to come or go while the patches are covered.
-        let holds = facts.knowledge() == Knowledge::Held;
+        let holds = knowledge == Knowledge::Held;
         for (zone, people) in std::iter::once((None, facts.people)).chain(zones) {
             if holds && self.told.contains_key(&topics.occupancy(zone)) {
                 continue;
@@ -384,10 +385,10 @@ impl Session<'_> {
         self.retain(self.topics.crossings(), facts.crossings_json());
     }
 
-    fn tell_state(&mut self, facts: &Facts) {
+    fn tell_state(&mut self, facts: &Facts, knowledge: Knowledge) {
         self.retain(self.topics.state(), facts.watching.state.name().into());
         self.retain(self.topics.watching(), facts.watching_json());
-        let known = if facts.knowledge() == Knowledge::Nothing { "offline" } else { "online" };
+        let known = if knowledge == Knowledge::Nothing { "offline" } else { "online" };
         self.retain(self.topics.known(), known.into());
     }
 
