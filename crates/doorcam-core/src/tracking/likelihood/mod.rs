@@ -13,6 +13,7 @@ mod columns;
 mod hidden_light;
 mod linear;
 mod measured;
+mod model_error;
 mod place;
 mod refine;
 mod search;

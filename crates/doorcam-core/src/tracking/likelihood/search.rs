@@ -1,5 +1,6 @@
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::Matrix2;
 
+use super::model_error::model_error;
 use super::place::Place;
 use super::refine::{Candidate, Left, Prior, Refiner};
 use super::{Likelihood, MOST_PEOPLE, Measured};
@@ -33,15 +34,7 @@ const TRIED: usize = 3;
 const ALONG: f64 = 0.5;
 /// Where else somebody is tried whom only one edge sees, as multiples of their distance from it.
 const OTHER_RANGES: [f64; 2] = [1.3, 0.77];
-/// Standard deviation of the body model's error, in radians at each edge that sees somebody.
-const ANGLE_ERROR: f64 = 0.006;
-/// The same in a room with lamps or windows that the floor sees, where legs, arms and the borders of windows are not
-/// quite where the model has them. From simulated rooms.
-const ANGLE_ERROR_WHEN_BRIGHT: f64 = 0.013;
-/// Standard deviation of the error along the line of sight of somebody whom the leaf hides from one edge, as a share of
-/// their distance: what tells it is the width and the fading of an outline, and people differ.
-const ALONE_ERROR: f64 = 0.2;
-/// How long these errors stay the same, in seconds.
+/// How long the errors of the model of a body and its room stay the same, in seconds.
 const ERROR_LASTS_S: f64 = 0.8;
 
 /// Finds people in successive frames.
@@ -112,15 +105,12 @@ impl Finder {
             }
         }
         let sluggish = (ERROR_LASTS_S / elapsed_s.max(1e-3)).max(1.0);
-        let angle_error = if self.likelihood.bright { ANGLE_ERROR_WHEN_BRIGHT } else { ANGLE_ERROR };
+        let unexplained = left.misfit / self.frame.count;
         self.found.clear();
         let Self { found, people, doorway, likelihood, .. } = self;
         found.extend(people.iter().filter_map(|person| {
-            let errors = match likelihood.sees(person.place) {
-                [true, false] => alone_error(doorway, Side::Left, person.place.point(), angle_error),
-                [false, true] => alone_error(doorway, Side::Right, person.place.point(), angle_error),
-                _ => model_error(doorway, person.place.point(), angle_error),
-            };
+            let (point, sees) = (person.place.point(), likelihood.sees(person.place));
+            let errors = model_error(doorway, point, sees, likelihood.bright, unexplained);
             detection(person, errors * sluggish)
         }));
         found.sort_by(|a, b| b.significance.total_cmp(&a.significance));
@@ -274,50 +264,4 @@ fn detection(person: &Candidate, errors: Matrix2<f64>) -> Option<Detection> {
     let rgb = [0, 1, 2].map(|c| 0.5 * (person.radiance[0][c] + person.radiance[1][c]));
     let position = [x + offset[0], y + offset[1]];
     Some(Detection { position, covariance, rgb, significance: person.significance })
-}
-
-/// Covariance of a place, in m², whose angles at the two edges have independent errors of `angle_error`.
-fn model_error(doorway: &Doorway, [x, y]: Point, angle_error: f64) -> Matrix2<f64> {
-    let half = doorway.half_width();
-    // ∂(α1, α2) / ∂(x, y).
-    let (r1, r2) = ((x + half).powi(2) + y * y, (half - x).powi(2) + y * y);
-    let angles = Matrix2::new(-y / r1, (x + half) / r1, y / r2, (half - x) / r2);
-    let places = angles.try_inverse().unwrap_or_else(Matrix2::identity);
-    places * places.transpose() * angle_error.powi(2)
-}
-
-/// The same for somebody whom only the edge of one side sees: the angle's error across its line of sight, [`ALONE_ERROR`]
-/// along it.
-fn alone_error(doorway: &Doorway, side: Side, [x, y]: Point, angle_error: f64) -> Matrix2<f64> {
-    let [edge_x, edge_y] = doorway.edge(side);
-    let sight = Vector2::new(x - edge_x, y - edge_y);
-    let across = Vector2::new(-sight[1], sight[0]);
-    sight * sight.transpose() * ALONE_ERROR.powi(2) + across * across.transpose() * angle_error.powi(2)
-}
-
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-    use crate::geometry::Biangular;
-
-    proptest! {
-        #[test]
-        fn a_model_error_is_that_of_angles(x in -1.5..1.5f64, y in 0.5..3.0f64, w in 0.4..1.0f64) {
-            let door = Doorway { width_m: w, wall_thickness_m: 0.0, height_m: None, leaf: None };
-            let Biangular { alpha1, alpha2 } = Biangular::from_point(&door, [x, y]);
-            let moved = |a: f64, b: f64| Biangular { alpha1: alpha1 + a, alpha2: alpha2 + b }.to_point(&door);
-            let h = 1e-6;
-            let columns = [(h, 0.0), (0.0, h)].map(|(a, b)| {
-                let [px, py] = moved(a, b);
-                [(px - x) / h, (py - y) / h]
-            });
-            let error = model_error(&door, [x, y], ANGLE_ERROR);
-            for (i, j) in [(0, 0), (0, 1), (1, 1)] {
-                let literal = ANGLE_ERROR.powi(2) * columns.iter().map(|c| c[i] * c[j]).sum::<f64>();
-                prop_assert!((error[(i, j)] - literal).abs() < 1e-3 * error.trace(), "{literal} {error}");
-            }
-        }
-    }
 }
