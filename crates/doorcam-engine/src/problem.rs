@@ -248,6 +248,7 @@ fn still_room(model: &Model, empty: &PatchPair, floors: &[Floor; 2]) -> Option<S
     StillRoom::fit(&Empty {
         doorway: &model.doorway,
         room: walls(model.grid.room),
+        lights: &model.lights,
         patch: &model.patch,
         fans: &model.fans,
         picture: empty,

@@ -53,7 +53,7 @@ const BRIGHTER: f64 = 2.5;
 
 /// Median of the grey radiances of the walls and of the ceiling.
 fn usual(surfaces: &Surfaces, radiance: &[Rgb]) -> [f64; 2] {
-    let (walls, ceiling) = radiance.split_at(surfaces.of_walls());
+    let (walls, ceiling) = radiance[..surfaces.of_room()].split_at(surfaces.of_walls());
     [walls, ceiling].map(|pieces| {
         let mut sorted: Vec<f64> = pieces.iter().map(grey).collect();
         let middle = sorted.len() / 2;
@@ -83,7 +83,7 @@ pub(super) fn excess(surfaces: &Surfaces, radiance: &[Rgb]) -> Vec<Rgb> {
         if of_wall && is_grazing(surfaces, piece) {
             return [0.0; 3];
         }
-        let usual = if of_wall { wall } else { ceiling };
+        let usual = if of_wall || piece >= surfaces.of_room() { wall } else { ceiling };
         let share = (1.0 - MARGIN * usual / grey(rgb).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         rgb.map(|radiance| share * radiance)
     };

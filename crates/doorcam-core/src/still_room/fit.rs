@@ -3,7 +3,7 @@ use rayon::prelude::*;
 
 use super::surfaces::Surfaces;
 use super::{StillRoom, bright, least_squares};
-use crate::geometry::{Doorway, Room, Side};
+use crate::geometry::{Doorway, Room, RoomLight, Side};
 use crate::light::{FanPair, Floor, PatchPair};
 use crate::scene::Rgb;
 use crate::transport::{FloorView, PatchGrid};
@@ -37,6 +37,9 @@ pub struct Empty<'a> {
     pub doorway: &'a Doorway,
     /// Where the walls are, roughly: only directions matter much.
     pub room: Room,
+    /// Lights that are known to be there. Those that are lit have the place and size that they are said to have; their
+    /// strength is found.
+    pub lights: &'a [RoomLight],
     /// The patches.
     pub patch: &'a PatchGrid,
     /// Cells into which the patches' pixels are grouped.
@@ -51,7 +54,7 @@ impl StillRoom {
     /// Explains the picture of the empty floor by light from the room's surfaces and from the visible side. `None` if
     /// there is no light.
     pub fn fit(empty: &Empty<'_>) -> Option<Self> {
-        let surfaces = Surfaces::new(empty.room);
+        let surfaces = Surfaces::new(empty.room, empty.lights);
         let pieces = surfaces.pieces();
         let matrix = matrix(empty, &surfaces);
         let light: Vec<[f64; 3]> = (0..2).flat_map(|s| cells_of(empty, s)).collect();
@@ -117,7 +120,7 @@ impl StillRoom {
             (&matrix * DVector::from_fn(matrix.ncols(), |k, _| grey(k))).mean() / level
         };
         still.all_bright_share = share(&excess);
-        excess[still.surfaces.of_walls()..].fill([0.0; 3]);
+        excess[still.surfaces.of_walls()..still.surfaces.of_room()].fill([0.0; 3]);
         still.bright_share = share(&excess);
         still.excess = excess;
         Some(still)

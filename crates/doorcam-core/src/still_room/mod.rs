@@ -5,6 +5,8 @@
 //! ([`StillRoom::fit`]). A person takes away what lies behind their outline, up to their own height ([`Seen::hidden`]).
 
 mod bright;
+#[cfg(test)]
+mod described_tests;
 mod fit;
 mod least_squares;
 mod seen;

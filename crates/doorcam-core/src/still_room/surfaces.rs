@@ -1,5 +1,5 @@
-use crate::geometry::{Doorway, Room};
-use crate::transport::FloorView;
+use crate::geometry::{Doorway, Point, Room, RoomLight};
+use crate::transport::{FloorView, share};
 
 /// Number of bands of height into which each strip of a wall is divided.
 pub(super) const BANDS: usize = 3;
@@ -16,10 +16,25 @@ pub(super) const NODES: usize = 96;
 /// Elevations, as equal steps of sin².
 pub(super) const LEVELS: usize = 24;
 
-/// The walls of the hidden room (left, back, right) in upright strips and bands of height, and its ceiling in cells.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// The walls of the hidden room (left, back, right) in upright strips and bands of height, its ceiling in cells, and lights
+/// that somebody has described, each one piece.
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Surfaces {
     room: Room,
+    lights: Vec<RoomLight>,
+}
+
+/// A described light in a few azimuths of a floor point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Shining {
+    /// Its number among the lights.
+    pub number: usize,
+    /// The share of these azimuths in which it is.
+    pub share: f64,
+    /// Squared distance on the floor plan, in m².
+    pub distance2: f64,
+    /// Sin² of the elevations of its lower and its upper edge.
+    pub elevations: [f64; 2],
 }
 
 /// One direction in which a floor point looks.
@@ -34,8 +49,32 @@ pub(super) struct Look {
 }
 
 impl Surfaces {
-    pub fn new(room: Room) -> Self {
-        Self { room }
+    /// The surfaces of a room, and those of its `lights` that are lit.
+    pub fn new(room: Room, lights: &[RoomLight]) -> Self {
+        Self { room, lights: lights.iter().copied().filter(|light| light.on).collect() }
+    }
+
+    /// Number of lights.
+    pub fn lights(&self) -> usize {
+        self.lights.len()
+    }
+
+    /// The lights that a floor point sees between two azimuths.
+    pub fn shining(&self, point: Point, [first, last]: [f64; 2]) -> impl Iterator<Item = Shining> {
+        let cross = |a: Point, b: Point| a[0] * b[1] - a[1] * b[0];
+        self.lights.iter().enumerate().filter_map(move |(number, light)| {
+            let [from, to] = [light.from_m, light.to_m].map(|end| [end[0] - point[0], end[1] - point[1]]);
+            let [a, b] = [from, to].map(|end| end[0].atan2(end[1]));
+            let (begin, end) = (a.min(b).max(first), a.max(b).min(last));
+            if end <= begin {
+                return None;
+            }
+            let (sine, cosine) = (0.5 * (begin + end)).sin_cos();
+            let along = [to[0] - from[0], to[1] - from[1]];
+            let distance2 = (cross(from, along) / cross([sine, cosine], along)).powi(2);
+            let elevations = light.height_m.map(|height_m| share(height_m, distance2));
+            Some(Shining { number, share: (end - begin) / (last - first), distance2, elevations })
+        })
     }
 
     pub fn room(&self) -> Room {
@@ -51,7 +90,7 @@ impl Surfaces {
         2 * (self.length() / (2.0 * STRIP_M)).ceil() as usize
     }
 
-    /// Number of pieces of the walls; those of the ceiling follow.
+    /// Number of pieces of the walls; those of the ceiling follow, and the lights after them.
     pub fn of_walls(&self) -> usize {
         self.strips() * BANDS
     }
@@ -61,9 +100,14 @@ impl Surfaces {
         [2.0 * self.room.half_width_m, self.room.depth_m].map(|length| (length / CELL_M).ceil() as usize)
     }
 
-    pub fn pieces(&self) -> usize {
+    /// Number of pieces of the walls and of the ceiling.
+    pub fn of_room(&self) -> usize {
         let [across, deep] = self.cells();
         self.of_walls() + across * deep
+    }
+
+    pub fn pieces(&self) -> usize {
+        self.of_room() + self.lights()
     }
 
     /// Pairs of neighbouring pieces.
@@ -112,7 +156,8 @@ impl Surfaces {
         }
     }
 
-    /// Calls `each` for the directions in which a floor point looks at the room.
+    /// Calls `each` for what a floor point sees in each direction in which it looks at the room; more than once for a
+    /// direction in which there is a light.
     pub fn look(&self, doorway: &Doorway, view: &FloorView, mut each: impl FnMut(Look)) {
         let Room { half_width_m, depth_m } = self.room;
         let ([x, y], [first, last]) = (view.point(), view.azimuths());
@@ -122,8 +167,12 @@ impl Surfaces {
         let width = (last - first) / NODES as f64;
         let step = 1.0 / LEVELS as f64;
         let [across, deep] = self.cells();
+        let mut lights = Vec::with_capacity(self.lights());
         for node in 0..NODES {
             let (sine, cosine) = (first + (node as f64 + 0.5) * width).sin_cos();
+            lights.clear();
+            lights.extend(self.shining([x, y], [0, 1].map(|k| first + (node + k) as f64 * width)));
+            lights.sort_by(|a: &Shining, b| a.distance2.total_cmp(&b.distance2));
             let behind = (depth_m - y) / cosine;
             let beside = (half_width_m.copysign(sine) - x) / sine;
             // Infinite for a ray along y, which meets no side wall; negative if the wall lies behind the floor point.
@@ -138,9 +187,18 @@ impl Surfaces {
             let strip = ((along / self.length() * self.strips() as f64) as usize).min(self.strips() - 1);
             let open = view.lintel(doorway, cosine * cosine);
             for level in 0..LEVELS {
-                let part = (open - level as f64 * step).min(step);
+                let mut part = (open - level as f64 * step).min(step);
                 if part <= 0.0 {
                     break;
+                }
+                let [below, above] = [level as f64 * step, level as f64 * step + part];
+                for light in &lights {
+                    let [lower, upper] = light.elevations;
+                    let lit = (light.share * (upper.min(above) - lower.max(below))).clamp(0.0, part);
+                    part -= lit;
+                    if lit > 0.0 {
+                        each(Look { node, level, piece: self.of_room() + light.number, light: 0.5 * width * lit });
+                    }
                 }
                 let s = (level as f64 + 0.5) * step;
                 let slope = (s / (1.0 - s)).sqrt();

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::surfaces::{BANDS, BETWEEN_M, CEILING_M, Surfaces};
 use super::*;
-use crate::geometry::{Point, Room, Side};
+use crate::geometry::{Point, Room, RoomLight, Side};
 use crate::light::{FanPair, Floor, PatchPair};
 use crate::transport::{Body, PatchGrid, PixelLayout};
 
@@ -12,7 +12,7 @@ pub(crate) const PATCH: PatchGrid = PatchGrid { size: 48, fov_m: 0.3, layout: Pi
 
 /// A room of which each piece is as bright as `radiance` says.
 fn room(radiance: impl Fn(usize) -> Rgb) -> StillRoom {
-    let surfaces = Surfaces::new(ROOM);
+    let surfaces = Surfaces::new(ROOM, &[]);
     let radiance: Vec<Rgb> = (0..surfaces.pieces()).map(radiance).collect();
     StillRoom {
         surfaces,
@@ -147,17 +147,22 @@ pub(crate) fn picture(still: &StillRoom, visible: f64) -> PatchPair {
 }
 
 pub(crate) fn fit(picture: &PatchPair) -> StillRoom {
+    fit_with(&[], picture)
+}
+
+/// What is found in the picture of a room with these lights.
+pub(crate) fn fit_with(lights: &[RoomLight], picture: &PatchPair) -> StillRoom {
     let counted = vec![true; PATCH.pixels()];
     let fans = FanPair::new(&DOOR, &PATCH, &[counted.clone(), counted.clone()]);
     let floors = [&picture.left, &picture.right]
         .map(|patch| Floor { albedo: vec![1.0; patch.pixels()], ..Floor::from_picture(patch, &counted) });
-    let empty = Empty { doorway: &DOOR, room: ROOM, patch: &PATCH, fans: &fans, picture, floors: &floors };
+    let empty = Empty { doorway: &DOOR, room: ROOM, lights, patch: &PATCH, fans: &fans, picture, floors: &floors };
     StillRoom::fit(&empty).unwrap()
 }
 
 /// Walls of one radiance and a window in the back wall, from x = 0.3 to 0.9 m.
 pub(crate) fn with_window(strength: f64) -> StillRoom {
-    let surfaces = Surfaces::new(ROOM);
+    let surfaces = Surfaces::new(ROOM, &[]);
     room(|piece| {
         let (strip, band) = (piece / BANDS, piece % BANDS);
         let (_, x) = surfaces.at(0.5 * (surfaces.start(strip) + surfaces.start(strip.min(surfaces.strips() - 1) + 1)));
@@ -204,13 +209,14 @@ fn an_evenly_lit_room_has_nothing_bright_and_a_dark_one_is_no_room() {
     let fans = FanPair::new(&DOOR, &PATCH, &[counted.clone(), counted.clone()]);
     let dark = PatchPair::zeros(PATCH.size);
     let floors = [&dark.left, &dark.right].map(|patch| Floor::from_picture(patch, &counted));
-    let empty = Empty { doorway: &DOOR, room: ROOM, patch: &PATCH, fans: &fans, picture: &dark, floors: &floors };
+    let empty =
+        Empty { doorway: &DOOR, room: ROOM, lights: &[], patch: &PATCH, fans: &fans, picture: &dark, floors: &floors };
     assert_eq!(StillRoom::fit(&empty), None);
 }
 
 #[test]
 fn light_along_the_doorways_wall_is_no_window() {
-    let surfaces = Surfaces::new(ROOM);
+    let surfaces = Surfaces::new(ROOM, &[]);
     let lit_to = |farthest_m: f64| {
         let radiance: Vec<Rgb> = (0..surfaces.pieces())
             .map(|piece| {
