@@ -24,8 +24,11 @@ const FEWEST_IN_CORNER: usize = 12;
 /// change both sides alike: in path-traced recordings by up to 0.06.
 const SHADE: f32 = 0.08;
 const SHADE_ON_ONE: f32 = 0.04;
-/// What lasts longer than this, in seconds, is no shadow of somebody who passes.
+/// What lasts longer than this, in seconds, is no shadow of somebody who passes, and what does not change for as long is that
+/// of something that was put down.
 const SHADOW_S: f64 = 10.0;
+/// How much that floor's light may change, as a logarithm, while it counts as unchanged.
+const STEADY: f32 = 0.02;
 /// How long after the last sign of somebody on the visible side their shadow may still be there, in seconds.
 const CALM_S: f64 = 1.0;
 
@@ -50,6 +53,8 @@ pub(crate) struct VisibleSide {
     /// When the visible side's light was last seen to differ from usual, and since when it has.
     shaded_s: Option<f64>,
     since_s: Option<f64>,
+    /// The light of the corners, as logarithms, and since when it has been so.
+    steady: Option<([f32; 2], f64)>,
 }
 
 impl VisibleSide {
@@ -90,6 +95,7 @@ impl VisibleSide {
             corners: Side::BOTH.map(corner),
             shaded_s: None,
             since_s: None,
+            steady: None,
             thumbnail: Thumbnail::new(grid),
             scene: StillScene::new(grid),
             covered: Cells::new(grid.len()),
@@ -133,11 +139,29 @@ impl VisibleSide {
         if somebody || self.covered.different(&self.covered_before) >= SOMETHING {
             self.busy_s = Some(seconds);
         }
-        if self.is_shaded() {
+        let steady_s = self.steady_s(seconds);
+        if !self.is_shaded() {
+            self.since_s = None;
+        } else if steady_s >= SHADOW_S && !self.is_busy(seconds) {
+            // From now on, the light beside a bag that lies there is the usual one.
+            self.corners.iter().flatten().for_each(|&cell| self.scene.accept(cell));
+            self.since_s = None;
+        } else {
             self.since_s.get_or_insert(seconds);
             self.shaded_s = Some(seconds);
-        } else {
-            self.since_s = None;
+        }
+    }
+
+    /// For how long the floor beside the edges has been lit as it is, in seconds.
+    fn steady_s(&mut self, seconds: f64) -> f64 {
+        let light = self.corners.each_ref().map(|cells| self.scene.light(cells));
+        let same = |then: &[f32; 2]| then.iter().zip(light).all(|(then, now)| (then - now).abs() <= STEADY);
+        match self.steady {
+            Some((then, since)) if same(&then) && seconds >= since => seconds - since,
+            _ => {
+                self.steady = Some((light, seconds));
+                0.0
+            }
         }
     }
 

@@ -110,6 +110,12 @@ impl StillScene {
         cells.iter().map(change).sum::<f32>() / cells.len().max(1) as f32
     }
 
+    /// The mean logarithm of the light of these cells in the last picture.
+    pub fn light(&self, cells: &[usize]) -> f32 {
+        let light = |&k: &usize| self.now[k].iter().sum::<f32>() / 3.0;
+        cells.iter().map(light).sum::<f32>() / cells.len().max(1) as f32
+    }
+
     /// Takes what the last picture shows in a cell for a part of the scene.
     pub fn accept(&mut self, cell: usize) {
         if let Some(still) = &mut self.still {

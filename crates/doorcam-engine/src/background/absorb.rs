@@ -23,6 +23,8 @@ pub(super) struct Candidate {
 struct Picture {
     rolling: RollingBackground,
     seen_s: f64,
+    /// Seconds for which nothing else has been seen.
+    steady_s: f64,
     /// Seconds since it was last seen.
     missed_s: f64,
 }
@@ -44,6 +46,12 @@ impl Candidate {
             let averaged = picture.rolling.averaged();
             picture.rolling.replace_pixels(side, pixels, patch, averaged);
         }
+    }
+
+    /// The picture, and how many frames it averages, if nothing else has been seen for this many seconds.
+    pub fn steady_for(&self, seconds: f64) -> Option<(&PatchPair, f64)> {
+        let picture = self.picture.as_ref().filter(|picture| picture.steady_s >= seconds)?;
+        Some((picture.rolling.mean(), picture.rolling.averaged()))
     }
 
     /// Reports that the old background has fitted again for `step_s` seconds.
@@ -70,14 +78,21 @@ impl Candidate {
             return None;
         }
         let step_s = std::mem::take(&mut self.since_s);
-        let first = || Picture { rolling: RollingBackground::from_picture(pair.clone()), seen_s: 0.0, missed_s: 0.0 };
+        let first = || Picture {
+            rolling: RollingBackground::from_picture(pair.clone()),
+            seen_s: 0.0,
+            steady_s: 0.0,
+            missed_s: 0.0,
+        };
         let picture = self.picture.get_or_insert_with(first);
         if alike(picture.rolling.mean(), picture.rolling.averaged()) {
             picture.seen_s += step_s;
+            picture.steady_s += step_s;
             picture.missed_s = 0.0;
             picture.rolling.follow(pair, step_s, self.adapt_s);
         } else {
             picture.missed_s += step_s;
+            picture.steady_s = 0.0;
             if picture.missed_s > picture.seen_s + PATIENCE_S {
                 *picture = first();
             }

@@ -36,6 +36,8 @@ pub(crate) struct Keeper {
     /// Pixels that have just become part of the background: while the problem is rebuilt for it, and after that until
     /// somebody asks.
     uncovered: Uncovered,
+    /// Per side, until when what was put down may have changed the light around it, by `age_s`.
+    shaded_until_s: [f64; 2],
     /// The floor's noise on each side (standard deviation of a pixel's grey level).
     noise: [f64; 2],
     /// The frame with every pixel showing the floor.
@@ -48,6 +50,9 @@ pub(crate) struct Keeper {
     age_s: f64,
     timers: Timers,
 }
+
+/// Nothing was put down lately.
+const NOT_SHADED: [f64; 2] = [f64::NEG_INFINITY; 2];
 
 /// Pixels of what lies on the floor, on their way into the background.
 enum Uncovered {
@@ -100,6 +105,7 @@ impl Keeper {
             candidate: Candidate::new(settings.absorb_s, settings.adapt_s),
             cover: Cover::new(settings.cover_s, reconstructor.model().patch.size),
             uncovered: Uncovered::None,
+            shaded_until_s: NOT_SHADED,
             noise: [0.0; 2],
             filled: None,
             frames: 0,
@@ -275,6 +281,7 @@ impl Keeper {
             // A recording that starts again repeats its frames; the candidate must not count them twice.
             self.candidate.clear();
             self.cover.clear();
+            self.shaded_until_s = NOT_SHADED;
             return 0.0;
         };
         self.age_s += step;
@@ -382,6 +389,7 @@ impl Keeper {
         self.rolling = Some(rolling);
         self.cover.clear();
         self.uncovered = Uncovered::None;
+        self.shaded_until_s = NOT_SHADED;
         self.use_reference(reconstructor);
         self.candidate.clear();
         self.age_s = 0.0;

@@ -134,6 +134,41 @@ fn a_bag_is_left_out_at_once_and_learned_in_time_and_so_is_the_floor_when_it_goe
     assert!((camera.reference(IN_BAG) / floor - 1.0).abs() < 0.02, "{} {floor}", camera.reference(IN_BAG));
 }
 
+/// The light with a bag and its soft shade over the rest of the patch.
+fn with_shade(light: &PatchPair) -> PatchPair {
+    change(&with_bag(light), |k, v| if is_bag(k) { v } else { v * (0.92 + 0.0025 * (k % SIZE) as f32) })
+}
+
+#[test]
+fn the_shade_of_a_bag_is_learned_with_it() {
+    let mut camera = Camera::new();
+    let (empty, blocked) = (camera.renderer.empty().clone(), but(is_bag));
+    let there = with_shade(&empty);
+    assert!(!camera.see(&there, Some(&blocked)).expect("a map").is_empty(), "the shade looks like somebody");
+    let mut frames = 1..(3.0 * COVER_S * FPS) as usize;
+    let seconds = frames.find(|_| camera.see(&there, Some(&blocked)).expect("a map").is_empty()).unwrap() as f64 / FPS;
+    assert!((COVER_S - 0.5..COVER_S + 1.0).contains(&seconds), "{seconds}");
+    let person = with_shade(&camera.renderer.render(somebody()));
+    assert!(!camera.see(&person, None).expect("a map").is_empty());
+}
+
+#[test]
+fn nobody_who_walks_while_a_bag_is_learned_becomes_a_part_of_the_room() {
+    let mut camera = Camera::new();
+    let blocked = but(is_bag);
+    let beside = 20 * SIZE + 2;
+    let floor = camera.reference(beside);
+    for k in 0..(6.0 * COVER_S * FPS) as usize {
+        // To and fro at 0.8 m/s.
+        let x = ((0.8 * k as f64 / FPS + 0.8) % 3.2 - 1.6).abs() - 0.8;
+        let person =
+            somebody().into_iter().map(|body| Cylinder { centre: [x, 1.4], radiance: [0.05; 3], ..body }).collect();
+        let light = with_shade(&camera.renderer.render(person));
+        camera.see(&light, Some(&blocked));
+        assert!((camera.reference(beside) / floor - 1.0).abs() < 0.02, "frame {k}: {}", camera.reference(beside));
+    }
+}
+
 #[test]
 fn what_moves_on_the_floor_is_never_learned_and_the_rest_goes_on() {
     let mut camera = Camera::new();

@@ -19,6 +19,11 @@ const MOVED_LIGHT: f64 = 0.02;
 /// its frames.
 pub(super) const REBUILT_S: f64 = 5.0;
 pub(super) const REBUILT_SHARE: f64 = 10.0;
+/// How long after something was put down the floor around it is learned, as a multiple of `cover_s`.
+const AROUND: f64 = 3.0;
+/// How long all must have looked the same for that, as a multiple of `cover_s`: less than what lies there, since whoever put
+/// it down had to leave.
+const SETTLED: f64 = 0.75;
 /// Frames from which the noise can be measured well enough to rebuild the problem.
 const ENOUGH: usize = 4;
 
@@ -76,6 +81,7 @@ impl Keeper {
             let (picture, averaged) = self.cover.take(side, pixels.side_mut(side));
             rolling.replace_pixels(side, pixels.side(side), picture, averaged);
             self.candidate.replace_pixels(side, pixels.side(side), picture);
+            self.shaded_until_s[side as usize] = self.age_s + AROUND * self.settings.cover_s;
             let count = pixels.count(side);
             tracing::info!(
                 "what has lain on the {} patch for {} s is now part of the background: {count} pixels",
@@ -83,12 +89,36 @@ impl Keeper {
                 self.settings.cover_s
             );
         }
-        if let Some(pixels) = pixels {
-            self.uncovered = Uncovered::Rebuilding(pixels);
+        let shade = self.follow_shade();
+        if shade || pixels.is_some() {
             // One that is under way does not know it.
             self.rebuilding = None;
             self.rebuild(reconstructor);
         }
+        if let Some(pixels) = pixels {
+            self.uncovered = Uncovered::Rebuilding(pixels);
+        }
+    }
+
+    /// What was put down shades the floor around it, softly. Takes that in once nothing else has been seen for a while; says
+    /// whether it did.
+    fn follow_shade(&mut self) -> bool {
+        let (Some(rolling), Some((picture, averaged))) =
+            (&mut self.rolling, self.candidate.steady_for(SETTLED * self.settings.cover_s))
+        else {
+            return false;
+        };
+        let mut learned = false;
+        for side in Side::BOTH {
+            let until_s = std::mem::replace(&mut self.shaded_until_s[side as usize], f64::NEG_INFINITY);
+            if self.age_s < until_s {
+                let picture = picture.side(side);
+                rolling.replace_pixels(side, &vec![true; picture.pixels()], picture, averaged);
+                learned = true;
+                tracing::info!("the light around what lies on the {} patch is now part of the background", side.name());
+            }
+        }
+        learned
     }
 
     /// Rebuilds the problem for the present background, on another thread, when the current one no longer fits.
