@@ -353,7 +353,7 @@ impl Engine {
             } else {
                 self.validity.allow_for_light();
             }
-            if self.validity.has_changed() {
+            if self.validity.has_changed() || self.keeper.as_ref().is_some_and(Keeper::awaits_shade) {
                 visible.disturb(frame.seconds);
             }
         } else {

@@ -53,3 +53,23 @@ fn frames_do_not_wait_for_what_is_set_up_for_a_camera_that_was_nudged() {
     }
     assert!(engine.moving.is_none());
 }
+
+/// What is put down shades the patch and the floor beside the wall. Neither may keep people from being found for long.
+#[test]
+fn whoever_walks_in_the_room_after_a_bag_was_put_down_is_followed() {
+    let simulator = Simulator::new(Scenario::load("bag").unwrap(), 1).unwrap();
+    let mut engine = Assembly::new(Settings::default()).for_recording(simulator.manifest()).unwrap();
+    let (mut there, mut followed) = (0, 0);
+    for number in (0..simulator.scenario().frames()).step_by(2) {
+        let Ok(published) = engine.step(&simulator.frame(number).unwrap(), Timestamp::UNIX_EPOCH) else { continue };
+        let update = published.update;
+        if let [target] = simulator.truth(number).targets[..] {
+            let near = |x_m: f64, y_m: f64| (x_m - target.x_m).hypot(y_m - target.y_m) < 0.5;
+            there += 1;
+            followed += usize::from(update.tracks.iter().any(|track| near(track.x_m, track.y_m)));
+        } else {
+            assert!(update.tracks.iter().all(|track| track.state != TrackState::Confirmed), "frame {number}");
+        }
+    }
+    assert!(there > 50 && 2 * followed > there, "{followed} of {there}");
+}

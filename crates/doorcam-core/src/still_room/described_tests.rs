@@ -3,9 +3,9 @@
 use proptest::prelude::*;
 
 use super::surfaces::Surfaces;
-use super::tests::{DOOR, PATCH, ROOM, fit_with, picture};
+use super::tests::{DOOR, PATCH, ROOM, fit_with, picture, room_with};
 use super::*;
-use crate::geometry::{LightKind, Point, RoomLight};
+use crate::geometry::{LightKind, Point, RoomLight, Side};
 use crate::transport::Body;
 
 const WINDOW: RoomLight =
@@ -16,23 +16,12 @@ const LAMP: RoomLight =
 
 /// A room of even walls with these lights.
 fn lit(lights: &[RoomLight], walls: f64, strength: f64) -> StillRoom {
-    let surfaces = Surfaces::new(ROOM, lights);
-    let radiance: Vec<Rgb> =
-        (0..surfaces.pieces()).map(|piece| [if piece < surfaces.of_room() { walls } else { strength }; 3]).collect();
-    StillRoom {
-        surfaces,
-        excess: radiance.clone(),
-        radiance,
-        visible: [[0.0; 3]; 2],
-        misfit: 0.0,
-        bright_share: 1.0,
-        all_bright_share: 1.0,
-    }
+    let of_room = Surfaces::new(ROOM, lights).of_room();
+    room_with(lights, |piece| [if piece < of_room { walls } else { strength }; 3])
 }
 
 /// Light of one upright strip of unit radiance at a floor point, and what a cylinder takes of it, summed over points of the
-/// strip: cos θ at the floor, cos θ' at the strip, divided by π r² like all radiances here, which are light per unit of
-/// ½ sin² dφ.
+/// strip: the cosines of the angles at the floor and at the strip, over the squared distance.
 fn literal(light: &RoomLight, [px, py]: Point, body: &Body) -> [f64; 2] {
     const N: usize = 120;
     let [from, to] = [light.from_m, light.to_m];
@@ -119,7 +108,7 @@ fn a_described_window_has_its_light_and_its_place() {
         let mut wrong = 0.0;
         for (x, y) in [(0.4, 2.0), (0.2, 1.5), (0.1, 1.0), (0.5, 3.0)] {
             let body = Body { centre: [x, y], radius_m: 0.2, height_m: 1.7 };
-            for point in crate::geometry::Side::BOTH.into_iter().flat_map(|side| PATCH.points(&DOOR, side)).step_by(7) {
+            for point in Side::BOTH.into_iter().flat_map(|side| PATCH.points(&DOOR, side)).step_by(7) {
                 let view = FloorView::new(&DOOR, point);
                 let beyond = truth.seen(&DOOR, &view).hidden(&body)[1] - even.seen(&DOOR, &view).hidden(&body)[1];
                 wrong += (still.seen(&DOOR, &view).hidden(&body)[1] - beyond).powi(2);

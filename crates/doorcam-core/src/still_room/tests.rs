@@ -12,7 +12,12 @@ pub(crate) const PATCH: PatchGrid = PatchGrid { size: 48, fov_m: 0.3, layout: Pi
 
 /// A room of which each piece is as bright as `radiance` says.
 fn room(radiance: impl Fn(usize) -> Rgb) -> StillRoom {
-    let surfaces = Surfaces::new(ROOM, &[]);
+    room_with(&[], radiance)
+}
+
+/// The same with described lights, which are its last pieces.
+pub(super) fn room_with(lights: &[RoomLight], radiance: impl Fn(usize) -> Rgb) -> StillRoom {
+    let surfaces = Surfaces::new(ROOM, lights);
     let radiance: Vec<Rgb> = (0..surfaces.pieces()).map(radiance).collect();
     StillRoom {
         surfaces,

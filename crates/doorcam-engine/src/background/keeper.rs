@@ -412,6 +412,7 @@ impl Keeper {
         }
         if map.is_empty() {
             self.candidate.refute(step_s);
+            self.shaded_until_s = NOT_SHADED;
             if self.light.is_noise(map.energy, NOISY) {
                 self.light.quiet(map.energy, step_s);
                 let due = self.timers.adapted >= 0.95 * self.apart_s && seen.excess == 1.0;

@@ -147,7 +147,8 @@ fn the_shade_of_a_bag_is_learned_with_it() {
     assert!(!camera.see(&there, Some(&blocked)).expect("a map").is_empty(), "the shade looks like somebody");
     let mut frames = 1..(3.0 * COVER_S * FPS) as usize;
     let seconds = frames.find(|_| camera.see(&there, Some(&blocked)).expect("a map").is_empty()).unwrap() as f64 / FPS;
-    assert!((COVER_S - 0.5..COVER_S + 1.0).contains(&seconds), "{seconds}");
+    // Between two rebuilds of the problem are at least five seconds.
+    assert!((COVER_S..COVER_S + 6.0).contains(&seconds) && !camera.keeper.awaits_shade(), "{seconds}");
     let person = with_shade(&camera.renderer.render(somebody()));
     assert!(!camera.see(&person, None).expect("a map").is_empty());
 }

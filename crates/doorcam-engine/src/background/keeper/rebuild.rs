@@ -21,9 +21,9 @@ pub(super) const REBUILT_S: f64 = 5.0;
 pub(super) const REBUILT_SHARE: f64 = 10.0;
 /// How long after something was put down the floor around it is learned, as a multiple of `cover_s`.
 const AROUND: f64 = 3.0;
-/// How long all must have looked the same for that, as a multiple of `cover_s`: less than what lies there, since whoever put
-/// it down had to leave.
-const SETTLED: f64 = 0.75;
+/// How long all must have looked the same for that, in seconds: nobody who walks does. Less than `cover_s` usually is, since
+/// whoever put it down had to leave.
+const SETTLED_S: f64 = 5.0;
 /// Frames from which the noise can be measured well enough to rebuild the problem.
 const ENOUGH: usize = 4;
 
@@ -100,11 +100,15 @@ impl Keeper {
         }
     }
 
+    /// Whether what was put down may shade a patch, and that is not learned yet: it may look like somebody.
+    pub(crate) fn awaits_shade(&self) -> bool {
+        self.shaded_until_s.iter().any(|&until_s| self.age_s < until_s)
+    }
+
     /// What was put down shades the floor around it, softly. Takes that in once nothing else has been seen for a while; says
     /// whether it did.
     fn follow_shade(&mut self) -> bool {
-        let (Some(rolling), Some((picture, averaged))) =
-            (&mut self.rolling, self.candidate.steady_for(SETTLED * self.settings.cover_s))
+        let (Some(rolling), Some((picture, averaged))) = (&mut self.rolling, self.candidate.steady_for(SETTLED_S))
         else {
             return false;
         };
